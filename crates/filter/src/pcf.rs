@@ -1,0 +1,280 @@
+//! The percentage-closer filters, one config each.
+
+use antumbra_gpu::{Gpu, GpuError};
+use antumbra_map::{Estimator, MapConfig, MapTechnique};
+use antumbra_shaders::{Slot, castano_constants, castano_core, module, poisson_constants, source};
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::{Separable, poisson_disc};
+
+/// Largest kernel side: 63 x 63 compares a sample, far beyond what any frame affords; a larger value is
+/// surely a mistake.
+const MAX_SIDE: u32 = 63;
+/// Most Poisson taps: they are constants of the shader.
+const MAX_TAPS: u32 = 128;
+
+/// Regular PCF: `side` x `side` nearest texels of equal weight. `side`² + 1 grey levels; an edge becomes a
+/// staircase of `side` steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfGrid {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// Texels a side of the kernel, 1 to 63, default 3. Cost: `side`² compares a sample.
+    pub side: u32,
+}
+
+/// Hardware PCF: one bilinear comparison fetch, the reconstruction filter for magnified maps.
+///
+/// The four texels share one reference depth, so on slopes the bias is one texel's slope an axis, where
+/// [`PcfBilinearGrid`] with `side` 1, the same filter texel by texel, needs none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfHardware {
+    /// The shadow map.
+    pub map: MapConfig,
+}
+
+/// PCF over a grid of `side` x `side` bilinear taps one texel apart: a continuous response with slope
+/// 1 / `side` a texel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfBilinearGrid {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// Taps a side, 1 to 63, default 3; 1 is plain bilinear PCF. Cost: (`side` + 1)² compares a sample.
+    pub side: u32,
+}
+
+/// Castano's smooth kernels (1,2,1), (1,3,4,3,1), (1,5,12,16,12,5,1) with bilinear interpolation
+/// ("Shadow Mapping Summary, Part 1", 2013).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfCastano {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// 3, 5 or 7 texels, default 5. Cost: (`side` + 1)² compares a sample, or a quarter of that in
+    /// hardware.
+    pub side: u32,
+    /// Uses bilinear comparison fetches (2x2, 3x3, 4x4), each with one reference depth for four texels and
+    /// so with more bias on slopes. Default false: texel by texel, exact.
+    pub hardware: bool,
+}
+
+/// PCF over a Poisson disc, turned by an angle that differs from pixel to pixel (Isidoro 2006): noise
+/// instead of bands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfPoisson {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// Taps, 1 to 128, default 12 as published. Cost: one compare each.
+    pub taps: u32,
+    /// Radius of the disc, texels, 0 to 31, default 2.5, the half width of a 5x5 grid.
+    pub radius: f32,
+}
+
+impl Default for PcfGrid {
+    fn default() -> Self {
+        Self { map: MapConfig::default(), side: 3 }
+    }
+}
+
+impl Default for PcfBilinearGrid {
+    fn default() -> Self {
+        Self { map: MapConfig::default(), side: 3 }
+    }
+}
+
+impl Default for PcfCastano {
+    fn default() -> Self {
+        Self { map: MapConfig::default(), side: 5, hardware: false }
+    }
+}
+
+impl Default for PcfPoisson {
+    fn default() -> Self {
+        Self { map: MapConfig::default(), taps: 12, radius: 2.5 }
+    }
+}
+
+impl PcfGrid {
+    /// The estimator, for any layout.
+    ///
+    /// # Errors
+    /// A side out of range.
+    pub fn estimator(&self) -> Result<Estimator, GpuError> {
+        let side = check_side(self.side)?;
+        Ok(separable(Separable::Box { side }, "filter::kernel::box", side_constant(side)))
+    }
+
+    /// The technique.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
+        MapTechnique::new(gpu, &self.map, self.estimator()?)
+    }
+}
+
+impl PcfHardware {
+    /// The estimator, for any layout.
+    #[must_use]
+    pub fn estimator(&self) -> Estimator {
+        Estimator {
+            slots: vec![
+                module("store", "common::compare_map"),
+                module("estimator", "filter::hardware"),
+            ],
+            comparison_sampler: true,
+            radius: 1.0,
+            reach: 1.0,
+            fetches: 1,
+        }
+    }
+
+    /// The technique.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
+        MapTechnique::new(gpu, &self.map, self.estimator())
+    }
+}
+
+impl PcfBilinearGrid {
+    /// The estimator, for any layout.
+    ///
+    /// # Errors
+    /// A side out of range.
+    pub fn estimator(&self) -> Result<Estimator, GpuError> {
+        let side = check_side(self.side)?;
+        Ok(separable(Separable::Tent { side }, "filter::kernel::tent", side_constant(side)))
+    }
+
+    /// The technique.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
+        MapTechnique::new(gpu, &self.map, self.estimator()?)
+    }
+}
+
+impl PcfCastano {
+    /// The estimator, for any layout.
+    ///
+    /// # Errors
+    /// A side that is not 3, 5 or 7.
+    pub fn estimator(&self) -> Result<Estimator, GpuError> {
+        let side = self.side;
+        let Some(core) = castano_core(side) else {
+            let fix = "use 3, 5 or 7";
+            return Err(GpuError::Invalid { what: "side", value: side.to_string(), fix });
+        };
+        let constants = source("config", castano_constants(core));
+        let kernel = Separable::Castano { side };
+        let mut estimator = separable(kernel, "filter::kernel::castano", constants);
+        if self.hardware {
+            estimator.slots[0] = module("store", "common::compare_map");
+            estimator.slots[1] = module("estimator", "filter::hardware_castano");
+            estimator.comparison_sampler = true;
+            estimator.reach = 1.0;
+            estimator.fetches /= 4;
+        }
+        Ok(estimator)
+    }
+
+    /// The technique.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
+        MapTechnique::new(gpu, &self.map, self.estimator()?)
+    }
+}
+
+impl PcfPoisson {
+    /// The estimator, for any layout.
+    ///
+    /// # Errors
+    /// A number of taps or a radius out of range.
+    pub fn estimator(&self) -> Result<Estimator, GpuError> {
+        if !(1..=MAX_TAPS).contains(&self.taps) {
+            let fix = "use 1 to 128 taps";
+            return Err(GpuError::Invalid { what: "taps", value: self.taps.to_string(), fix });
+        }
+        // The kernel's side, 2 radius + 1, has the same limit as the grids.
+        if !(0.0..=0.5 * (MAX_SIDE - 1) as f32).contains(&self.radius) {
+            let fix = "use a radius of 0 to 31 texels";
+            return Err(GpuError::Invalid { what: "radius", value: self.radius.to_string(), fix });
+        }
+        Ok(Estimator {
+            slots: vec![
+                module("store", "common::depth_map"),
+                module("estimator", "filter::poisson"),
+                source("config", poisson_constants(&poisson_disc(self.taps), self.radius)),
+            ],
+            comparison_sampler: false,
+            radius: self.radius + 0.5,
+            reach: 0.0,
+            fetches: self.taps,
+        })
+    }
+
+    /// The technique.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
+        MapTechnique::new(gpu, &self.map, self.estimator()?)
+    }
+}
+
+fn check_side(side: u32) -> Result<u32, GpuError> {
+    if (1..=MAX_SIDE).contains(&side) {
+        return Ok(side);
+    }
+    let fix = "use 1 to 63";
+    Err(GpuError::Invalid { what: "side", value: side.to_string(), fix })
+}
+
+fn side_constant(side: u32) -> Slot {
+    source("config", format!("const SIDE: i32 = {side};"))
+}
+
+fn separable(kernel: Separable, path: &'static str, constants: Slot) -> Estimator {
+    Estimator {
+        slots: vec![
+            module("store", "common::depth_map"),
+            module("estimator", "filter::separable"),
+            module("kernel", path),
+            constants,
+        ],
+        comparison_sampler: false,
+        radius: kernel.radius() as f32,
+        reach: 0.0,
+        fetches: kernel.texels().pow(2),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_are_refused_with_a_fix() {
+        for side in [0, 64, u32::MAX] {
+            assert!(PcfGrid { side, ..Default::default() }.estimator().is_err(), "grid {side}");
+            let grid = PcfBilinearGrid { side, ..Default::default() };
+            assert!(grid.estimator().is_err(), "bilinear {side}");
+        }
+        for side in [0, 1, 4, 9] {
+            assert!(PcfCastano { side, ..Default::default() }.estimator().is_err(), "side {side}");
+        }
+        for (taps, radius) in [(0, 1.0), (129, 1.0), (12, -1.0), (12, f32::NAN), (12, 32.0)] {
+            let config = PcfPoisson { taps, radius, ..Default::default() };
+            assert!(config.estimator().is_err(), "{config:?}");
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! The shared wgpu context: device, probe, frame inputs, passes with timestamps, readback.
+//!
+//! Image-based techniques take a *frame* (view samples, a light, casters) and write visibility. The
+//! caller owns the device, the command encoder and the submission; [`Gpu`] wraps either an own
+//! device ([`Gpu::new`]) or the caller's ([`Gpu::from_device`]).
+//!
+//! Spaces: everything on the GPU is `f32`, metres, relative to the frame's *origin*, a world position
+//! in `f64` ([`antumbra_scene::Scene::origin`]), so that scenes far from the world's origin keep
+//! their precision. Clip space is WebGPU's: z in [0, 1], y up; texture v runs down.
+
+mod context;
+mod error;
+mod mesh_set;
+mod pipeline;
+mod readback;
+mod record;
+mod samples;
+mod technique;
+
+pub use context::{Gpu, GpuOptions};
+pub use error::GpuError;
+pub use mesh_set::MeshSet;
+pub use pipeline::{BindGroupCache, bind, entries};
+pub use readback::{read_buffer, read_f32_texture};
+pub use record::{PassTime, PassTimes, Recorder, Timer};
+pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSamples};
+pub use technique::{Casters, Counters, Drawn, Frame, LightView, Technique, light_view_layout};
+
+pub use wgpu;

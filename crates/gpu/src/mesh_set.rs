@@ -1,0 +1,359 @@
+//! A ready-made set of meshes: casters for the light, and view samples for the camera.
+
+use std::ops::Range;
+
+use antumbra_scene::{Bounds, Camera, Light, MeshError, Scene, Triangles};
+use glam::{DVec3, DVec4, Mat4, Vec4};
+use wgpu::util::DeviceExt as _;
+
+use crate::record::depth_attachment;
+use crate::{
+    Casters, Drawn, Gpu, GpuError, LightView, Recorder, ViewSamples, bind, entries,
+    light_view_layout,
+};
+
+/// The triangles of a scene on the GPU.
+#[derive(Debug)]
+pub struct MeshSet {
+    parts: Vec<Part>,
+    origin: DVec3,
+    positions: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    depth: wgpu::RenderPipeline,
+    samples: wgpu::RenderPipeline,
+    camera: wgpu::Buffer,
+    camera_group: wgpu::BindGroup,
+    cull: bool,
+}
+
+/// One instance of the scene.
+#[derive(Clone, Debug)]
+struct Part {
+    /// Its range in the index buffer.
+    indices: Range<u32>,
+    /// World-space box.
+    bounds: Bounds,
+    /// For a flat part that bounds the scene: its plane (xyz unit normal, w offset), the rest of the
+    /// scene on the positive side.
+    floor: Option<DVec4>,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct CameraUniform {
+    clip: [[f32; 4]; 4],
+    eye: [f32; 4],
+}
+
+/// Depth format of casters' passes.
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+impl MeshSet {
+    /// Uploads the triangles of `scene`, relative to its [`Scene::origin`].
+    ///
+    /// # Errors
+    /// Faulty meshes, or more data than the device takes in one buffer.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
+        let triangles =
+            scene.triangles(scene.origin()).map_err(|e: MeshError| GpuError::Invalid {
+                what: "scene",
+                value: e.to_string(),
+                fix: "repair the mesh; scene files are checked when loaded",
+            })?;
+        Self::from_triangles(gpu, &triangles)
+    }
+
+    /// Uploads triangles whose positions are finite and whose indices are in range.
+    ///
+    /// # Errors
+    /// More data than the device takes in one buffer.
+    pub fn from_triangles(gpu: &Gpu, triangles: &Triangles) -> Result<Self, GpuError> {
+        let device = &gpu.device;
+        let limit =
+            device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
+        for asked in [triangles.positions.len() * 12, triangles.triangles.len() * 12] {
+            if asked as u64 > limit {
+                return Err(GpuError::Limit {
+                    what: "bytes of geometry",
+                    asked: asked as u64,
+                    limit,
+                });
+            }
+        }
+        let buffer = |label, contents: &[u8], usage| {
+            // A buffer may not be empty; four bytes that nothing draws.
+            let contents = if contents.is_empty() { &[0; 4] } else { contents };
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: usage | wgpu::BufferUsages::STORAGE,
+            })
+        };
+        let positions = buffer(
+            "positions",
+            bytemuck::cast_slice(&triangles.positions),
+            wgpu::BufferUsages::VERTEX,
+        );
+        let indices = buffer(
+            "indices",
+            bytemuck::cast_slice(&triangles.triangles),
+            wgpu::BufferUsages::INDEX,
+        );
+        let camera = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("camera"),
+            size: size_of::<CameraUniform>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let (samples, camera_layout) = samples_pipeline(gpu)?;
+        let camera_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("view samples"),
+            layout: &camera_layout,
+            entries: &[
+                bind::buffer(0, &camera),
+                bind::buffer(1, &positions),
+                bind::buffer(2, &indices),
+            ],
+        });
+        Ok(Self {
+            parts: parts(triangles),
+            origin: triangles.origin,
+            positions,
+            indices,
+            depth: depth_pipeline(gpu)?,
+            samples,
+            camera,
+            camera_group,
+            cull: true,
+        })
+    }
+
+    /// With `false`, every part is drawn into every light view, floors included. Culling never changes
+    /// visibility; this is for proving it.
+    pub fn set_culling(&mut self, cull: bool) {
+        self.cull = cull;
+    }
+
+    /// World position of the zero of the uploaded positions, metres.
+    #[must_use]
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Draws what `camera` sees into `samples`. `depth` is scratch of the same size and of format
+    /// `Depth32Float`.
+    ///
+    /// The positions lie on their triangles' planes to within rounding, so their error bound is 0.
+    pub fn encode_view_samples(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder<'_>,
+        camera: &Camera,
+        depth: &wgpu::TextureView,
+        samples: &ViewSamples,
+    ) {
+        let (width, height) = samples.size();
+        let clip = camera.view_projection(self.origin, f64::from(width) / f64::from(height));
+        let uniform = CameraUniform {
+            clip: clip.as_mat4().to_cols_array_2d(),
+            eye: (camera.eye - self.origin).as_vec3().extend(1.0).to_array(),
+        };
+        gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&uniform));
+        let target = |view| {
+            Some(wgpu::RenderPassColorAttachment {
+                view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })
+        };
+        let mut pass = recorder.render_pass(
+            "gpu/view_samples",
+            &[target(&samples.positions_view), target(&samples.normals_view)],
+            Some(depth_attachment(depth, 0.0)),
+        );
+        pass.set_pipeline(&self.samples);
+        pass.set_bind_group(0, &self.camera_group, &[]);
+        pass.draw(0..self.parts.last().map_or(0, |p| p.indices.end), 0..1);
+    }
+
+    /// The parts that can shadow something under `light`.
+    fn casting(&self, light: &Light) -> impl Iterator<Item = &Part> {
+        let lies_below = move |floor: &DVec4| match *light {
+            // A wide sun that dips below the floor's plane still only lights it from behind.
+            Light::Directional { direction, .. } => direction.dot(floor.truncate()) <= 0.0,
+            _ => light.position().is_some_and(|p| p.dot(floor.truncate()) + floor.w >= 0.0),
+        };
+        let cull = self.cull;
+        self.parts.iter().filter(move |part| !(cull && part.floor.as_ref().is_some_and(lies_below)))
+    }
+}
+
+impl Casters for MeshSet {
+    fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3)) {
+        for part in self.casting(light) {
+            for corner in part.bounds.corners() {
+                visit(corner);
+            }
+        }
+    }
+
+    fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
+        let mut drawn = Drawn::default();
+        pass.set_pipeline(&self.depth);
+        pass.set_bind_group(0, view.bind_group, &[view.offset]);
+        pass.set_vertex_buffer(0, self.positions.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+        for part in self.casting(view.light) {
+            if self.cull && outside(view.clip, &part.bounds, view.origin) {
+                continue;
+            }
+            pass.draw_indexed(part.indices.clone(), 0, 0..1);
+            drawn.draws += 1;
+            drawn.triangles += u64::from((part.indices.end - part.indices.start) / 3);
+        }
+        drawn
+    }
+}
+
+/// Whether the whole box lies beyond one plane of the clip volume. Near and far do not count: what lies
+/// between the light and its near plane is the fit's business.
+fn outside(clip: Mat4, bounds: &Bounds, origin: DVec3) -> bool {
+    let corners = bounds.corners().map(|c| clip * (c - origin).as_vec3().extend(1.0));
+    let beyond: [fn(&Vec4) -> bool; 5] =
+        [|c| c.x > c.w, |c| -c.x > c.w, |c| c.y > c.w, |c| -c.y > c.w, |c| c.w <= 0.0];
+    beyond.iter().any(|plane| corners.iter().all(plane))
+}
+
+fn parts(triangles: &Triangles) -> Vec<Part> {
+    let mut parts: Vec<Part> = triangles
+        .instances
+        .iter()
+        .filter(|range| !range.is_empty())
+        .map(|range| {
+            let points = triangles.triangles[range.clone()].iter().flatten();
+            let bounds = Bounds::of(
+                points.map(|&i| triangles.positions[i as usize].as_dvec3() + triangles.origin),
+            );
+            Part { indices: range.start as u32 * 3..range.end as u32 * 3, bounds, floor: None }
+        })
+        .collect();
+    for i in 0..parts.len() {
+        parts[i].floor = floor_plane(triangles, &parts, i);
+    }
+    parts
+}
+
+/// The plane of part `i`, when the part is flat and no other part reaches below it.
+///
+/// Such a part hides nothing from a light on its upper side: whatever it could shadow lies below it. The
+/// part is taken as flat only when its vertices share a plane exactly, which an axis-aligned ground does;
+/// a rotated one merely costs a draw.
+fn floor_plane(triangles: &Triangles, parts: &[Part], i: usize) -> Option<DVec4> {
+    let range = (parts[i].indices.start / 3) as usize..(parts[i].indices.end / 3) as usize;
+    let point = |index: u32| triangles.positions[index as usize].as_dvec3() + triangles.origin;
+    let first = triangles.triangles[range.clone()].iter().find_map(|t| {
+        let [a, b, c] = t.map(point);
+        let n = (b - a).cross(c - a).normalize_or_zero();
+        (n != DVec3::ZERO).then(|| n.extend(-n.dot(a)))
+    })?;
+    let side = |p: DVec3| p.dot(first.truncate()) + first.w;
+    if triangles.triangles[range].iter().flatten().any(|&v| side(point(v)) != 0.0) {
+        return None;
+    }
+    let others = || {
+        let rest = parts.iter().enumerate().filter(move |(j, _)| *j != i);
+        rest.flat_map(|(_, part)| part.bounds.corners()).map(side)
+    };
+    if others().all(|s| s >= 0.0) {
+        Some(first)
+    } else if others().all(|s| s <= 0.0) {
+        Some(-first)
+    } else {
+        None
+    }
+}
+
+fn depth_pipeline(gpu: &Gpu) -> Result<wgpu::RenderPipeline, GpuError> {
+    let device = &gpu.device;
+    let module = gpu.shader("light depth", antumbra_shaders::link("gpu::light_depth", &[])?);
+    Ok(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("light depth"),
+        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("light depth"),
+            bind_group_layouts: &[Some(&light_view_layout(device))],
+            immediate_size: 0,
+        })),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: 12,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &wgpu::vertex_attr_array![0 => Float32x3],
+            })],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(reversed_depth()),
+        multisample: Default::default(),
+        fragment: None,
+        multiview_mask: None,
+        cache: None,
+    }))
+}
+
+fn samples_pipeline(gpu: &Gpu) -> Result<(wgpu::RenderPipeline, wgpu::BindGroupLayout), GpuError> {
+    const VS: wgpu::ShaderStages = wgpu::ShaderStages::VERTEX;
+    let device = &gpu.device;
+    let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("view samples"),
+        entries: &[
+            entries::uniform(0, VS | wgpu::ShaderStages::FRAGMENT),
+            entries::storage(1, VS),
+            entries::storage(2, VS),
+        ],
+    });
+    let module = gpu.shader("view samples", antumbra_shaders::link("gpu::view_samples", &[])?);
+    let target = Some(wgpu::ColorTargetState::from(ViewSamples::FORMAT));
+    let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("view samples"),
+        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("view samples"),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        })),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(reversed_depth()),
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: Default::default(),
+            targets: &[target.clone(), target],
+        }),
+        multiview_mask: None,
+        cache: None,
+    });
+    Ok((pipeline, layout))
+}
+
+/// Reversed depth keeps its precision far away: `f32` steps shrink towards 0.
+fn reversed_depth() -> wgpu::DepthStencilState {
+    wgpu::DepthStencilState {
+        format: DEPTH,
+        depth_write_enabled: Some(true),
+        depth_compare: Some(wgpu::CompareFunction::Greater),
+        stencil: Default::default(),
+        bias: Default::default(),
+    }
+}

@@ -1,0 +1,137 @@
+//! Short forms for bind-group layouts, and a bind group that is made anew only when its parts change.
+
+/// Entries of bind-group layouts.
+pub mod entries {
+    use wgpu::{
+        BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages, TextureFormat,
+        TextureSampleType, TextureViewDimension,
+    };
+
+    fn entry(binding: u32, visibility: ShaderStages, ty: BindingType) -> BindGroupLayoutEntry {
+        BindGroupLayoutEntry { binding, visibility, ty, count: None }
+    }
+
+    /// A uniform buffer.
+    #[must_use]
+    pub fn uniform(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        buffer(binding, stages, BufferBindingType::Uniform)
+    }
+
+    /// A read-only storage buffer.
+    #[must_use]
+    pub fn storage(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        buffer(binding, stages, BufferBindingType::Storage { read_only: true })
+    }
+
+    fn buffer(binding: u32, stages: ShaderStages, ty: BufferBindingType) -> BindGroupLayoutEntry {
+        let ty = BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        entry(binding, stages, ty)
+    }
+
+    /// A texture that is read texel by texel (`texture_2d<f32>`, or an array of them).
+    #[must_use]
+    pub fn texels(binding: u32, stages: ShaderStages, array: bool) -> BindGroupLayoutEntry {
+        texture(binding, stages, array, TextureSampleType::Float { filterable: false })
+    }
+
+    /// A depth texture for a comparison sampler (`texture_depth_2d_array`).
+    #[must_use]
+    pub fn depth_array(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        texture(binding, stages, true, TextureSampleType::Depth)
+    }
+
+    fn texture(
+        binding: u32,
+        stages: ShaderStages,
+        array: bool,
+        sample_type: TextureSampleType,
+    ) -> BindGroupLayoutEntry {
+        let view_dimension =
+            if array { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
+        entry(
+            binding,
+            stages,
+            BindingType::Texture { sample_type, view_dimension, multisampled: false },
+        )
+    }
+
+    /// A comparison sampler.
+    #[must_use]
+    pub fn comparison_sampler(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Comparison))
+    }
+
+    /// A storage texture that is only written.
+    #[must_use]
+    pub fn write_texture(
+        binding: u32,
+        stages: ShaderStages,
+        format: TextureFormat,
+    ) -> BindGroupLayoutEntry {
+        entry(
+            binding,
+            stages,
+            BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::WriteOnly,
+                format,
+                view_dimension: TextureViewDimension::D2,
+            },
+        )
+    }
+}
+
+/// A bind group that is kept as long as the resources in it stay the same, so that a steady frame
+/// makes none.
+#[derive(Debug)]
+pub struct BindGroupCache<Key> {
+    kept: Option<(Key, wgpu::BindGroup)>,
+}
+
+impl<Key> Default for BindGroupCache<Key> {
+    fn default() -> Self {
+        Self { kept: None }
+    }
+}
+
+impl<Key: PartialEq> BindGroupCache<Key> {
+    /// The bind group for `key`, made by `make` when the key is a new one.
+    pub fn get(
+        &mut self,
+        key: Key,
+        make: impl FnOnce(&Key) -> wgpu::BindGroup,
+    ) -> &wgpu::BindGroup {
+        if self.kept.as_ref().is_none_or(|(kept, _)| *kept != key) {
+            self.kept = None;
+        }
+        &self
+            .kept
+            .get_or_insert_with(|| {
+                let group = make(&key);
+                (key, group)
+            })
+            .1
+    }
+}
+
+/// Entries of bind groups.
+pub mod bind {
+    use wgpu::{BindGroupEntry, BindingResource};
+
+    /// A whole buffer.
+    #[must_use]
+    pub fn buffer(binding: u32, buffer: &wgpu::Buffer) -> BindGroupEntry<'_> {
+        BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+    }
+
+    /// A texture.
+    #[must_use]
+    pub fn texture(binding: u32, view: &wgpu::TextureView) -> BindGroupEntry<'_> {
+        BindGroupEntry { binding, resource: BindingResource::TextureView(view) }
+    }
+
+    /// A sampler.
+    #[must_use]
+    pub fn sampler(binding: u32, sampler: &wgpu::Sampler) -> BindGroupEntry<'_> {
+        BindGroupEntry { binding, resource: BindingResource::Sampler(sampler) }
+    }
+}

@@ -1,0 +1,27 @@
+//! Shadow-map core: light cameras, depth passes, layouts, bias, and the plain shadow test.
+//!
+//! A shadow map is put together from three parts that know nothing of one another. The *layout*
+//! ([`Layout`], [`fit`]) says into which view of the map a point falls; the *store* is the depth texture;
+//! the *estimator* ([`Estimator`]) turns a lookup into visibility. [`ShadowMap`] owns layout and store and
+//! draws the casters; [`Resolve`] links a layout with an estimator and works on any depth map, also one
+//! that the application draws; [`MapTechnique`] is both together behind [`antumbra_gpu::Technique`].
+//!
+//! Nothing needs tuning: the receiver's own plane gives each texel its reference depth, and what remains
+//! is a rounding bound that the shader derives per sample (`common/lookup.wesl`).
+
+mod bias;
+mod estimator;
+mod fit;
+mod resolve;
+mod shadow_map;
+mod technique;
+pub mod twin;
+mod view;
+
+pub use bias::Bias;
+pub use estimator::Estimator;
+pub use fit::{FittedView, Fitting, fit};
+pub use resolve::Resolve;
+pub use shadow_map::ShadowMap;
+pub use technique::{MapConfig, MapTechnique};
+pub use view::{DepthConvention, Layout, ShadowView};

@@ -1,0 +1,207 @@
+//! The depth texture of a light and the passes that fill it.
+
+use antumbra_gpu::{Counters, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
+use glam::{DVec3, Mat4};
+
+use crate::{DepthConvention, FittedView, Fitting, Layout, fit};
+
+/// Fitted views of a light and the depth map that holds them, one layer a view with casters.
+#[derive(Debug)]
+pub struct ShadowMap {
+    size: u32,
+    guard: u32,
+    uniforms: wgpu::Buffer,
+    uniform_group: wgpu::BindGroup,
+    stride: u32,
+    layers: Option<Layers>,
+    views: Vec<FittedView>,
+    hull: Vec<DVec3>,
+    counters: Counters,
+}
+
+#[derive(Debug)]
+struct Layers {
+    texture: wgpu::Texture,
+    whole: wgpu::TextureView,
+    each: Vec<wgpu::TextureView>,
+}
+
+impl ShadowMap {
+    /// Format of the map.
+    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+    /// A map with layers of `size` x `size` texels and a guard band of `guard` texels.
+    ///
+    /// # Errors
+    /// A size of zero or beyond the device's limit.
+    pub fn new(gpu: &Gpu, size: u32, guard: u32) -> Result<Self, GpuError> {
+        let limits = gpu.device.limits();
+        let limit = limits.max_texture_dimension_2d;
+        if size == 0 {
+            let fix = "use at least 1 texel a side";
+            return Err(GpuError::Invalid { what: "map size", value: size.to_string(), fix });
+        }
+        if size > limit {
+            return Err(GpuError::Limit {
+                what: "map size",
+                asked: size.into(),
+                limit: limit.into(),
+            });
+        }
+        let stride = limits.min_uniform_buffer_offset_alignment.max(size_of::<Mat4>() as u32);
+        let uniforms = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("light views"),
+            size: u64::from(stride) * Layout::Cube.views() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let uniform_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("light views"),
+            layout: &light_view_layout(&gpu.device),
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &uniforms,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(size_of::<Mat4>() as u64),
+                }),
+            }],
+        });
+        Ok(Self {
+            size,
+            guard,
+            uniforms,
+            uniform_group,
+            stride,
+            layers: None,
+            views: Vec::new(),
+            hull: Vec::new(),
+            counters: Counters::new(),
+        })
+    }
+
+    /// Fits the views to the frame's casters, uploads their matrices, and makes the layers that they need.
+    ///
+    /// # Errors
+    /// A light that cannot be fitted, or a failed allocation.
+    pub fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        self.hull.clear();
+        let hull = &mut self.hull;
+        frame.casters.hull(frame.light, &mut |p| hull.push(p));
+        let fitting = Fitting { origin: frame.origin, size: self.size, guard: self.guard };
+        self.views = fit(frame.light, &self.hull, &fitting)?;
+        for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
+            let offset = layer as u64 * u64::from(self.stride);
+            let matrix = clip.as_mat4().to_cols_array();
+            gpu.queue.write_buffer(&self.uniforms, offset, bytemuck::bytes_of(&matrix));
+        }
+        let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
+        // Layers are kept when fewer are needed, so that a light that flits in and out allocates once.
+        if self.layers.as_ref().is_none_or(|l| l.each.len() < needed) && needed > 0 {
+            self.layers = Some(Layers::new(gpu, self.size, needed as u32)?);
+        }
+        Ok(())
+    }
+
+    /// Records one depth pass for each view with casters.
+    pub fn encode(&mut self, frame: &Frame<'_>, recorder: &mut Recorder<'_>) {
+        let convention = DepthConvention::REVERSED_F32;
+        let (mut passes, mut draws, mut triangles) = (0, 0, 0);
+        let clips = self.views.iter().filter_map(|v| v.clip);
+        let layers = self.layers.iter().flat_map(|l| &l.each);
+        for (index, (clip, layer)) in clips.zip(layers).enumerate() {
+            let view = LightView {
+                clip: clip.as_mat4(),
+                bind_group: &self.uniform_group,
+                offset: index as u32 * self.stride,
+                format: Self::FORMAT,
+                order: convention.order(),
+                light: frame.light,
+                origin: frame.origin,
+            };
+            let mut pass = recorder.depth_pass("map/depth", layer, convention.clear());
+            let drawn = frame.casters.draw(&view, &mut pass);
+            passes += 1;
+            draws += drawn.draws;
+            triangles += drawn.triangles;
+        }
+        let texels = passes * u64::from(self.size) * u64::from(self.size);
+        self.counters = Counters::from([
+            ("map_passes", passes),
+            ("map_draws", draws),
+            ("map_triangles", triangles),
+            ("map_texels", texels),
+        ]);
+    }
+
+    /// The fitted views, in the layout's order. A view with a matrix has a layer; layers are numbered in
+    /// the order of those views.
+    #[must_use]
+    pub fn views(&self) -> &[FittedView] {
+        &self.views
+    }
+
+    /// The map as a `D2Array` view, or `None` where no view has a caster.
+    #[must_use]
+    pub fn view(&self) -> Option<&wgpu::TextureView> {
+        let any = self.views.iter().any(|v| v.clip.is_some());
+        self.layers.as_ref().filter(|_| any).map(|l| &l.whole)
+    }
+
+    /// The map itself, once it has been needed.
+    #[must_use]
+    pub fn texture(&self) -> Option<&wgpu::Texture> {
+        self.layers.as_ref().map(|l| &l.texture)
+    }
+
+    /// Side of a layer, texels.
+    #[must_use]
+    pub fn size(&self) -> u32 {
+        self.size
+    }
+
+    /// Work of the last [`ShadowMap::encode`].
+    #[must_use]
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Bytes of GPU memory held.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let layers = self.layers.as_ref().map_or(0, |l| l.each.len() as u64);
+        layers * u64::from(self.size) * u64::from(self.size) * 4 + self.uniforms.size()
+    }
+}
+
+impl Layers {
+    fn new(gpu: &Gpu, size: u32, count: u32) -> Result<Self, GpuError> {
+        let texture = gpu.create_texture(
+            "shadow map",
+            &wgpu::TextureDescriptor {
+                label: Some("shadow map"),
+                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: count },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: ShadowMap::FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            },
+        )?;
+        let view = |dimension, base_array_layer, count| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                label: Some("shadow map"),
+                dimension: Some(dimension),
+                base_array_layer,
+                array_layer_count: Some(count),
+                ..Default::default()
+            })
+        };
+        let whole = view(wgpu::TextureViewDimension::D2Array, 0, count);
+        let each = (0..count).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
+        Ok(Self { texture, whole, each })
+    }
+}

@@ -1,0 +1,157 @@
+//! A shadow map with an estimator, as a technique.
+
+use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
+use serde::{Deserialize, Serialize};
+
+use crate::{Bias, DepthConvention, Estimator, Layout, Resolve, ShadowMap, ShadowView};
+
+/// Settings that every technique over a shadow map shares.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MapConfig {
+    /// Side of the map (of one face, for a cube), texels; 1 to the device's limit (at least 8192), default
+    /// 2048. Memory and fill cost grow with its square, error falls with its inverse.
+    pub size: u32,
+    /// Depth bias.
+    pub bias: Bias,
+}
+
+impl Default for MapConfig {
+    fn default() -> Self {
+        Self { size: 2048, bias: Bias::default() }
+    }
+}
+
+/// A shadow map with an estimator. One technique serves one light at a time, of any kind; the passes for a
+/// kind are built when the first light of it arrives.
+#[derive(Debug)]
+pub struct MapTechnique {
+    config: MapConfig,
+    estimator: Estimator,
+    map: ShadowMap,
+    resolve: Option<(Layout, Resolve)>,
+    nothing: Option<wgpu::TextureView>,
+    counters: Counters,
+}
+
+impl MapTechnique {
+    /// Checks the settings and makes what does not depend on the light.
+    ///
+    /// # Errors
+    /// A size beyond the device's limits or a bias that is no number.
+    pub fn new(gpu: &Gpu, config: &MapConfig, estimator: Estimator) -> Result<Self, GpuError> {
+        config.bias.validate()?;
+        // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
+        let guard = estimator.radius.ceil() as u32 + 1;
+        let map = ShadowMap::new(gpu, config.size, guard)?;
+        Ok(Self {
+            config: *config,
+            estimator,
+            map,
+            resolve: None,
+            nothing: None,
+            counters: Counters::new(),
+        })
+    }
+
+    /// The plain shadow map: nearest texel, one comparison (Williams 1978).
+    ///
+    /// # Errors
+    /// As [`MapTechnique::new`].
+    pub fn plain(gpu: &Gpu, config: &MapConfig) -> Result<Self, GpuError> {
+        Self::new(gpu, config, Estimator::nearest())
+    }
+
+    /// The map itself, for other uses of it.
+    #[must_use]
+    pub fn map(&self) -> &ShadowMap {
+        &self.map
+    }
+}
+
+impl Technique for MapTechnique {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        self.map.prepare(gpu, frame)?;
+        let layout = Layout::of(frame.light);
+        let convention = DepthConvention::REVERSED_F32;
+        if self.resolve.as_ref().is_none_or(|(kept, _)| *kept != layout) {
+            let resolve = Resolve::new(gpu, layout, &self.estimator, convention)?;
+            self.resolve = Some((layout, resolve));
+        }
+        let mut layer = 0;
+        let views: Vec<ShadowView> = self
+            .map
+            .views()
+            .iter()
+            .map(|view| match &view.clip {
+                None => ShadowView::empty(view.light),
+                Some(clip) => {
+                    layer += 1;
+                    let bias = &self.config.bias;
+                    ShadowView::new(clip, view.light, layer - 1, convention, bias, &self.estimator)
+                }
+            })
+            .collect();
+        if let Some((_, resolve)) = &self.resolve {
+            resolve.set_views(gpu, &views)?;
+        }
+        // The pass needs some texture even when no view reads it.
+        if self.map.view().is_none() && self.nothing.is_none() {
+            self.nothing = Some(one_texel(gpu)?);
+        }
+        Ok(())
+    }
+
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        visibility: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
+        let map = self.map.view().or(self.nothing.as_ref()).cloned();
+        let (Some((_, resolve)), Some(map)) = (&mut self.resolve, map) else {
+            return Err(GpuError::Invalid {
+                what: "frame",
+                value: "not prepared".to_owned(),
+                fix: "call `prepare` with this frame before `encode`",
+            });
+        };
+        self.map.encode(frame, recorder);
+        resolve.encode(gpu, recorder, frame.samples, &map, visibility);
+        let (width, height) = frame.samples.size();
+        let samples = u64::from(width) * u64::from(height);
+        self.counters = self.map.counters().clone();
+        self.counters.insert("view_samples", samples);
+        self.counters.insert("fetches", samples * u64::from(self.estimator.fetches));
+        Ok(())
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters.clone()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.map.bytes()
+    }
+}
+
+fn one_texel(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
+    let texture = gpu.create_texture(
+        "empty shadow map",
+        &wgpu::TextureDescriptor {
+            label: Some("empty shadow map"),
+            size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: ShadowMap::FORMAT,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        },
+    )?;
+    Ok(texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    }))
+}

@@ -1,0 +1,235 @@
+//! A ray tracer for triangles that answers one question exactly: is the way free?
+
+mod build;
+mod lanes;
+mod traverse;
+
+use antumbra_scene::Triangles;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+#[cfg(target_arch = "x86_64")]
+use lanes::Avx2;
+use lanes::Portable;
+pub(crate) use traverse::U;
+use traverse::Visitor;
+
+/// The largest absolute coordinate, metres, of triangles and of the origins of rays: 2^40, about
+/// 1.1e12. Beyond it products of three lengths would overflow `f32`.
+pub const LARGEST_COORDINATE: f32 = (1_u64 << 40) as f32;
+
+/// Triangles that cannot be traced.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TraceError {
+    /// A corner of a triangle is infinite, not a number, or beyond [`LARGEST_COORDINATE`].
+    #[error(
+        "triangle {triangle}: a coordinate is not finite or beyond 2^40 m; repair the mesh, or choose an origin or unit nearer to it"
+    )]
+    Position {
+        /// Index of the first such triangle.
+        triangle: usize,
+    },
+    /// A triangle refers to a vertex that does not exist.
+    #[error("triangle {triangle} refers to a vertex beyond the {vertices} there are")]
+    IndexOutOfRange {
+        /// Index of the first such triangle.
+        triangle: usize,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// More than 2^30 triangles.
+    #[error("more than 1073741824 triangles; split the scene")]
+    TooMany,
+}
+
+/// A segment or a half-line from `origin`, open at both ends: the points origin + t direction with
+/// 0 < t < `t_max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Start, metres, relative to [`Triangles::origin`].
+    pub origin: Vec3,
+    /// Direction, of any length but zero.
+    pub direction: Vec3,
+    /// End, in lengths of `direction`; may be infinite.
+    pub t_max: f32,
+}
+
+/// Where a ray first meets a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance in lengths of the ray's direction.
+    pub t: f32,
+    /// Index of the triangle; the lowest of several at the same distance.
+    pub triangle: u32,
+}
+
+/// Triangles in a tree, ready to be asked whether they block a ray.
+///
+/// Both sides of a triangle block. Neighbours that share an edge or a vertex leave no gap between
+/// them for any ray. Answers depend on the triangles and the ray alone: not on the processor, the
+/// number of threads or the shape of the tree.
+#[derive(Clone)]
+pub struct Tracer {
+    tree: build::Tree,
+    /// [`Triangles::origin`].
+    origin: DVec3,
+    /// Largest absolute coordinate of a triangle, metres.
+    extent: f32,
+    /// Half of the diagonal of the bounding box, metres.
+    radius: f32,
+    wide: bool,
+}
+
+impl std::fmt::Debug for Tracer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tracer")
+            .field("nodes", &self.tree.nodes.len())
+            .field("packets", &self.tree.packets.len())
+            .field("extent", &self.extent)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Tracer {
+    /// Builds the tree, on all cores.
+    ///
+    /// # Errors
+    /// A triangle with a faulty index or coordinate, or too many triangles.
+    pub fn new(triangles: &Triangles) -> Result<Self, TraceError> {
+        if triangles.triangles.len() > 1 << 30 {
+            return Err(TraceError::TooMany);
+        }
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for (triangle, corners) in triangles.triangles.iter().enumerate() {
+            for &index in corners {
+                let Some(&p) = triangles.positions.get(index as usize) else {
+                    let vertices = triangles.positions.len();
+                    return Err(TraceError::IndexOutOfRange { triangle, vertices });
+                };
+                if !p.abs().cmple(Vec3::splat(LARGEST_COORDINATE)).all() {
+                    return Err(TraceError::Position { triangle });
+                }
+                (low, high) = (low.min(p), high.max(p));
+            }
+        }
+        let empty = triangles.triangles.is_empty();
+        Ok(Self {
+            tree: build::build(triangles),
+            origin: triangles.origin,
+            extent: if empty { 0.0 } else { low.abs().max(high.abs()).max_element() },
+            radius: if empty { 0.0 } else { 0.5 * (high - low).length() },
+            wide: has_avx2(),
+        })
+    }
+
+    /// The same tracer on plain instructions, as on a processor without AVX2. Slower; for comparison.
+    #[must_use]
+    pub fn portable(mut self) -> Self {
+        self.wide = false;
+        self
+    }
+
+    /// World position, metres, that triangles and rays are relative to: [`Triangles::origin`].
+    #[must_use]
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Largest absolute coordinate of a triangle, metres; 0 without triangles.
+    #[must_use]
+    pub fn extent(&self) -> f32 {
+        self.extent
+    }
+
+    /// Half of the diagonal of the triangles' bounding box, metres; 0 without triangles.
+    #[must_use]
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// Whether a triangle lies on the segment from `origin` (metres, relative to
+    /// [`Triangles::origin`]) to `origin + t_max * direction`, the ends excluded. `direction` may have
+    /// any length but zero, `t_max` may be infinite.
+    ///
+    /// A ray that is not finite (but for `t_max`) or has no length meets nothing. Origins beyond
+    /// [`LARGEST_COORDINATE`] are beyond what is answered reliably.
+    #[must_use]
+    #[inline]
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32) -> bool {
+        self.traverse(&Ray { origin, direction, t_max }, &mut Any)
+    }
+
+    /// [`Tracer::occluded`] for many rays, on all cores.
+    #[must_use]
+    pub fn occluded_all(&self, rays: &[Ray]) -> Vec<bool> {
+        rays.par_iter()
+            .with_min_len(256)
+            .map(|ray| self.occluded(ray.origin, ray.direction, ray.t_max))
+            .collect()
+    }
+
+    /// The first triangle that a ray meets. Slower than [`Tracer::occluded`]: meant for finding the
+    /// points that a camera sees, not for shadows.
+    #[must_use]
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let mut closest = Closest { depth: f64::INFINITY, triangle: u32::MAX };
+        let longest = f64::from(ray.direction.abs().max_element());
+        self.traverse(ray, &mut closest)
+            .then(|| Hit { t: (closest.depth / longest) as f32, triangle: closest.triangle })
+    }
+
+    #[inline]
+    fn traverse<V: Visitor>(&self, ray: &Ray, visitor: &mut V) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if self.wide {
+            // SAFETY: `wide` is only set where `has_avx2` found the features.
+            return unsafe { traverse_avx2(&self.tree, ray, self.extent, visitor) };
+        }
+        traverse::traverse::<Portable, V>(&self.tree, ray, self.extent, visitor)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
+fn traverse_avx2<V: Visitor>(tree: &build::Tree, ray: &Ray, extent: f32, visitor: &mut V) -> bool {
+    traverse::traverse::<Avx2, V>(tree, ray, extent, visitor)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx2") && has!("fma") && has!("popcnt") && has!("bmi1") && has!("bmi2") && has!("lzcnt")
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn has_avx2() -> bool {
+    false
+}
+
+/// Ends at whatever is met.
+struct Any;
+
+impl Visitor for Any {
+    const DEPTHS: bool = false;
+    fn meet(&mut self, _: u32, _: f64) -> f32 {
+        0.0
+    }
+}
+
+/// Keeps what is met first.
+struct Closest {
+    depth: f64,
+    triangle: u32,
+}
+
+impl Visitor for Closest {
+    const DEPTHS: bool = true;
+    fn meet(&mut self, triangle: u32, depth: f64) -> f32 {
+        if (depth, triangle) < (self.depth, self.triangle) {
+            (self.depth, self.triangle) = (depth, triangle);
+        }
+        // Rounded up, so that others at the same depth are still seen.
+        (self.depth as f32).next_up()
+    }
+}

@@ -1,0 +1,146 @@
+//! The shaders of Antumbra: WESL modules, embedded, and linked on demand to plain WGSL.
+//!
+//! A root module (say `map/resolve`) imports from *slots* such as `package::layout`, which name no
+//! file: [`link`] binds each slot to a concrete module, so that any layout meets any store and any
+//! estimator without code for the pair. A slot may also be bound to generated constants.
+//!
+//! The crate makes no API calls: what becomes of the WGSL is its caller's affair.
+
+use std::borrow::Cow;
+
+use wesl::{ModulePath, VirtualResolver, Wesl};
+
+mod permutations;
+
+pub use permutations::{
+    Permutation, castano_constants, castano_core, permutations, poisson_constants,
+};
+
+/// Every module: its path below the package (`common::lookup`) and its source.
+pub const MODULES: &[(&str, &str)] = &[
+    ("common::compare_map", include_str!("../common/compare_map.wesl")),
+    ("common::depth_map", include_str!("../common/depth_map.wesl")),
+    ("common::lookup", include_str!("../common/lookup.wesl")),
+    ("filter::hardware", include_str!("../filter/hardware.wesl")),
+    ("filter::hardware_castano", include_str!("../filter/hardware_castano.wesl")),
+    ("filter::kernel::box", include_str!("../filter/kernel/box.wesl")),
+    ("filter::kernel::castano", include_str!("../filter/kernel/castano.wesl")),
+    ("filter::kernel::tent", include_str!("../filter/kernel/tent.wesl")),
+    ("filter::poisson", include_str!("../filter/poisson.wesl")),
+    ("filter::separable", include_str!("../filter/separable.wesl")),
+    ("gpu::light_depth", include_str!("../gpu/light_depth.wesl")),
+    ("gpu::unproject", include_str!("../gpu/unproject.wesl")),
+    ("gpu::view_samples", include_str!("../gpu/view_samples.wesl")),
+    ("map::layout_cube", include_str!("../map/layout_cube.wesl")),
+    ("map::layout_single", include_str!("../map/layout_single.wesl")),
+    ("map::nearest", include_str!("../map/nearest.wesl")),
+    ("map::resolve", include_str!("../map/resolve.wesl")),
+];
+
+/// What a slot is bound to.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Binding {
+    /// One of [`MODULES`], by its path.
+    Module(Cow<'static, str>),
+    /// WESL source made for the occasion, usually constants.
+    Source(String),
+}
+
+/// A slot and what it is bound to.
+pub type Slot = (Cow<'static, str>, Binding);
+
+/// Binds `slot` to one of [`MODULES`].
+#[must_use]
+pub fn module(slot: &'static str, path: &'static str) -> Slot {
+    (slot.into(), Binding::Module(path.into()))
+}
+
+/// Binds `slot` to generated source.
+#[must_use]
+pub fn source(slot: &'static str, text: impl Into<String>) -> Slot {
+    (slot.into(), Binding::Source(text.into()))
+}
+
+/// A module that cannot be linked.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// No module of that path exists.
+    #[error("no shader module `{path}`; the modules are {known}")]
+    UnknownModule {
+        /// The path asked for.
+        path: String,
+        /// All paths there are.
+        known: String,
+    },
+    /// The linker found a fault, for example an import that no slot provides.
+    #[error("shader `{root}` cannot be linked: {reason}")]
+    Link {
+        /// The root module.
+        root: String,
+        /// The linker's own words.
+        reason: String,
+    },
+}
+
+/// Links the module at `root` (`map::resolve`) to plain WGSL, with `slots` bound.
+///
+/// Only what the root's entry points reach is kept. Names of the root are unchanged; others are
+/// prefixed with their module's path.
+///
+/// # Errors
+/// An unknown module path, or an import that nothing provides.
+pub fn link(root: &str, slots: &[Slot]) -> Result<String, LinkError> {
+    link_keeping(root, slots, None)
+}
+
+/// As [`link`], but keeps the named declarations of the root instead of its entry points: a library
+/// of functions for another shader.
+///
+/// # Errors
+/// As [`link`].
+pub fn link_functions(root: &str, slots: &[Slot], keep: &[&str]) -> Result<String, LinkError> {
+    link_keeping(root, slots, Some(keep.iter().map(|&k| k.to_owned()).collect()))
+}
+
+fn link_keeping(
+    root: &str,
+    slots: &[Slot],
+    keep: Option<Vec<String>>,
+) -> Result<String, LinkError> {
+    find(root)?;
+    let mut resolver = VirtualResolver::new();
+    for (path, text) in MODULES {
+        resolver.add_module(module_path(root, path)?, Cow::Borrowed(*text));
+    }
+    for (slot, binding) in slots {
+        let text = match binding {
+            Binding::Module(path) => Cow::Borrowed(find(path)?),
+            Binding::Source(text) => Cow::Owned(text.clone()),
+        };
+        resolver.add_module(module_path(root, slot)?, text);
+    }
+    let mut linker = Wesl::new_barebones().set_custom_resolver(resolver);
+    linker.use_imports(true).use_stripping(true).set_mangler(wesl::ManglerKind::Escape);
+    match keep {
+        Some(keep) => linker.keep_declarations(keep),
+        None => linker.keep_all_entrypoints(),
+    };
+    let linked = linker
+        .compile(&module_path(root, root)?)
+        .map_err(|e| LinkError::Link { root: root.to_owned(), reason: e.to_string() })?;
+    Ok(linked.to_string())
+}
+
+fn find(path: &str) -> Result<&'static str, LinkError> {
+    MODULES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text).ok_or_else(|| {
+        let known: Vec<_> = MODULES.iter().map(|(name, _)| *name).collect();
+        LinkError::UnknownModule { path: path.to_owned(), known: known.join(", ") }
+    })
+}
+
+fn module_path(root: &str, path: &str) -> Result<ModulePath, LinkError> {
+    format!("package::{path}")
+        .parse()
+        .map_err(|e| LinkError::Link { root: root.to_owned(), reason: format!("`{path}`: {e}") })
+}

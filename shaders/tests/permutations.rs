@@ -1,0 +1,67 @@
+//! Every permutation links, and naga accepts the result.
+
+use antumbra_shaders::{LinkError, MODULES, link, module, permutations};
+
+fn validate(wgsl: &str) -> Result<naga::valid::ModuleInfo, String> {
+    let parsed = naga::front::wgsl::parse_str(wgsl).map_err(|e| e.emit_to_string(wgsl))?;
+    naga::valid::Validator::new(
+        naga::valid::ValidationFlags::all(),
+        // No capability beyond the WebGPU baseline.
+        naga::valid::Capabilities::empty(),
+    )
+    .validate(&parsed)
+    .map_err(|e| e.emit_to_string(wgsl))
+}
+
+#[test]
+fn every_permutation_links_and_validates() {
+    for permutation in permutations() {
+        let wgsl = permutation.link().unwrap_or_else(|e| panic!("{}: {e}", permutation.name));
+        if let Err(e) = validate(&wgsl) {
+            panic!("{}: {e}\n{wgsl}", permutation.name);
+        }
+    }
+}
+
+#[test]
+fn names_are_unique() {
+    let mut names: Vec<_> = permutations().into_iter().map(|p| p.name).collect();
+    let count = names.len();
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), count, "two permutations share a name");
+}
+
+#[test]
+fn every_file_is_embedded() {
+    fn visit(dir: &std::path::Path, found: &mut usize) {
+        for entry in std::fs::read_dir(dir).expect("the crate's folder is readable") {
+            let path = entry.expect("folder entry").path();
+            if path.is_dir() {
+                visit(&path, found);
+            } else if path.extension().is_some_and(|e| e == "wesl") {
+                *found += 1;
+            }
+        }
+    }
+    let mut found = 0;
+    visit(std::path::Path::new(env!("CARGO_MANIFEST_DIR")), &mut found);
+    assert_eq!(found, MODULES.len(), "a .wesl file is missing from MODULES");
+}
+
+#[test]
+fn the_validator_is_awake() {
+    assert!(validate("fn f() -> f32 { return 1u; }").is_err(), "a type error must not pass");
+}
+
+#[test]
+fn an_unbound_slot_is_an_error() {
+    let error = link("map::resolve", &[module("layout", "map::layout_single")]);
+    assert!(matches!(error, Err(LinkError::Link { .. })), "{error:?}");
+}
+
+#[test]
+fn an_unknown_module_lists_the_known_ones() {
+    let error = link("map::nothing", &[]).expect_err("there is no such module");
+    assert!(error.to_string().contains("map::resolve"), "{error}");
+}

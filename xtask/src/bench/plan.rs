@@ -1,0 +1,245 @@
+//! What to measure: scenes, lights and techniques by name, with the suite's defaults.
+
+use std::path::Path;
+
+use antumbra::{Config, catalogue};
+use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
+use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
+use anyhow::{Context as _, bail};
+use globset::Glob;
+
+use crate::args::{BenchArgs, Size, Suite};
+use crate::results::Settings;
+
+/// A technique under the name that tables show.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    /// `family/name`, with a suffix where the settings are not the defaults.
+    pub(super) name: String,
+    /// Its settings.
+    pub(super) config: Config,
+}
+
+/// A scene to measure.
+pub(super) struct Subject {
+    /// The generated scene's name, or the file's path as given.
+    pub(super) name: String,
+    /// A short name for files, unique in the plan.
+    pub(super) slug: String,
+    /// The scene, with its ground.
+    pub(super) scene: Scene,
+}
+
+/// Everything that will be measured, and how.
+pub(super) struct Plan {
+    pub(super) scenes: Vec<Subject>,
+    pub(super) lights: Vec<LightKind>,
+    pub(super) techniques: Vec<Entry>,
+    pub(super) settings: Settings,
+    pub(super) dump_mesh: bool,
+}
+
+/// Scenes of the quick suite: one shadow edge with a closed form, contacts, thin casters, a curved caster,
+/// and a large scene.
+const QUICK_SCENES: [&str; 6] = ["half-plane", "sphere", "thin-wall", "fence", "tree", "street"];
+const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
+
+impl Plan {
+    /// The plan for `args`. Names that are not known, patterns that match nothing and files that cannot be
+    /// read are errors that list what there is.
+    pub(super) fn new(args: &BenchArgs) -> anyhow::Result<Self> {
+        let full = args.suite == Suite::Full;
+        let side = if full { 512 } else { 256 };
+        let size = args.size.unwrap_or(Size { width: side, height: side });
+        let settings = Settings {
+            suite: args.suite.to_string(),
+            size: [size.width, size.height],
+            map_size: args.map_size.unwrap_or(1024),
+            light_samples: args.light_samples.unwrap_or(256),
+            repeat: args.repeat.unwrap_or(if full { 9 } else { 5 }),
+        };
+        let lights = match (args.light.as_slice(), full) {
+            ([], true) => LightKind::ALL.to_vec(),
+            ([], false) => HARD_LIGHTS.to_vec(),
+            (kinds, _) => kinds.to_vec(),
+        };
+        let mut techniques = select_techniques(&args.technique, full)?;
+        for technique in &mut techniques {
+            technique.config.map_mut().size = settings.map_size;
+        }
+        Ok(Self {
+            scenes: subjects(args, full)?,
+            lights,
+            techniques,
+            settings,
+            dump_mesh: args.dump_mesh,
+        })
+    }
+}
+
+/// Prints every scene, light and technique there is.
+pub(super) fn list() {
+    println!("Scenes (or any .glb, .gltf, .obj, .toml file):");
+    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX) {
+        println!("  {name:<24} {about}");
+    }
+    println!("Lights:");
+    println!("  {}", LightKind::ALL.map(LightKind::name).join(", "));
+    println!("Techniques (* in the quick suite):");
+    for entry in entries() {
+        let mark = if is_default(&entry) { "*" } else { " " };
+        println!(" {mark}{}", entry.name);
+    }
+}
+
+/// Every technique: the published defaults first, then the variants that the full suite adds.
+fn entries() -> Vec<Entry> {
+    let defaults =
+        catalogue().into_iter().map(|config| Entry { name: config.id().to_owned(), config });
+    let variant =
+        |suffix: &str, config: Config| Entry { name: format!("{}-{suffix}", config.id()), config };
+    let castano =
+        |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
+    defaults
+        .chain([
+            variant("5", Config::PcfGrid(PcfGrid { side: 5, ..Default::default() })),
+            variant("7", Config::PcfGrid(PcfGrid { side: 7, ..Default::default() })),
+            variant(
+                "1",
+                Config::PcfBilinearGrid(PcfBilinearGrid { side: 1, ..Default::default() }),
+            ),
+            variant(
+                "5",
+                Config::PcfBilinearGrid(PcfBilinearGrid { side: 5, ..Default::default() }),
+            ),
+            variant("3", castano(3, false)),
+            variant("7", castano(7, false)),
+            variant("3-hw", castano(3, true)),
+            variant("5-hw", castano(5, true)),
+            variant("7-hw", castano(7, true)),
+            variant("32", Config::PcfPoisson(PcfPoisson { taps: 32, ..Default::default() })),
+        ])
+        .collect()
+}
+
+fn is_default(entry: &Entry) -> bool {
+    entry.name == entry.config.id()
+}
+
+/// The techniques that match any of `patterns`; without a pattern, the defaults or, with `full`, all.
+fn select_techniques(patterns: &[String], full: bool) -> anyhow::Result<Vec<Entry>> {
+    let all = entries();
+    if patterns.is_empty() {
+        return Ok(all.into_iter().filter(|e| full || is_default(e)).collect());
+    }
+    let mut wanted = vec![false; all.len()];
+    for pattern in patterns {
+        let glob = Glob::new(pattern)
+            .with_context(|| format!("`{pattern}` is not a pattern"))?
+            .compile_matcher();
+        let mut any = false;
+        for (entry, wanted) in all.iter().zip(&mut wanted) {
+            if glob.is_match(&entry.name) {
+                (*wanted, any) = (true, true);
+            }
+        }
+        if !any {
+            let names: Vec<_> = all.iter().map(|e| e.name.as_str()).collect();
+            bail!("no technique matches `{pattern}`; there are: {}", names.join(", "));
+        }
+    }
+    Ok(all.into_iter().zip(wanted).filter_map(|(e, wanted)| wanted.then_some(e)).collect())
+}
+
+fn subjects(args: &BenchArgs, full: bool) -> anyhow::Result<Vec<Subject>> {
+    let names: Vec<String> = match (args.scene.as_slice(), full) {
+        ([], true) => generate::ALL.iter().map(|(name, ..)| (*name).to_owned()).collect(),
+        ([], false) => QUICK_SCENES.map(str::to_owned).to_vec(),
+        (given, _) => given.to_vec(),
+    };
+    let mut subjects: Vec<Subject> = Vec::new();
+    for name in names {
+        let (scene, stem) = open_scene(&name, args.ground)?;
+        let taken = subjects.iter().filter(|s| s.slug.starts_with(&stem)).count();
+        let slug = if taken == 0 { stem } else { format!("{stem}~{taken}") };
+        subjects.push(Subject { name, slug, scene });
+    }
+    Ok(subjects)
+}
+
+/// A generated scene by name, or a scene file.
+fn open_scene(name: &str, ground: bool) -> anyhow::Result<(Scene, String)> {
+    let generated = generate::by_name(name);
+    let path = Path::new(name);
+    let known_ending = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .is_some_and(|e| ["glb", "gltf", "obj", "toml"].contains(&e.to_lowercase().as_str()));
+    let (mut scene, stem) = match generated {
+        Some(scene) => (scene, name.to_owned()),
+        None if known_ending || path.exists() => {
+            let (scene, repairs) = load(path, &LoadOptions::default())?;
+            if !repairs.is_empty() {
+                println!("{name}: {repairs}");
+            }
+            let stem = path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy());
+            (scene, stem.into_owned())
+        }
+        None => {
+            let names: Vec<_> =
+                generate::ALL.iter().chain(generate::CONVEX).map(|(name, ..)| *name).collect();
+            bail!(
+                "no scene `{name}`; name a .glb, .gltf, .obj or .toml file, or one of: {}",
+                names.join(", ")
+            );
+        }
+    };
+    if ground {
+        scene.add_ground();
+    }
+    let safe = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    Ok((scene, stem.chars().map(safe).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_techniques_are_unique() {
+        let mut names: Vec<_> = entries().into_iter().map(|e| e.name).collect();
+        let count = names.len();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), count, "two techniques share a name");
+    }
+
+    #[test]
+    fn patterns_select_and_unknown_ones_list_what_there_is() {
+        let some = select_techniques(&["map/*".into(), "filter/pcf-grid*".into()], false)
+            .expect("patterns that match");
+        let names: Vec<_> = some.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["map/plain", "filter/pcf-grid", "filter/pcf-grid-5", "filter/pcf-grid-7"],
+            "in the catalogue's order"
+        );
+        let error = select_techniques(&["soft/none".into()], false).expect_err("no such technique");
+        assert!(error.to_string().contains("map/plain"), "{error}");
+    }
+
+    #[test]
+    fn unknown_scenes_list_the_known_ones() {
+        let error = open_scene("nowhere", false).expect_err("no such scene");
+        assert!(error.to_string().contains("half-plane"), "{error}");
+        let error = open_scene("missing.glb", false).expect_err("no such file");
+        assert!(format!("{error:#}").contains("missing.glb"), "{error:#}");
+    }
+
+    #[test]
+    fn every_quick_scene_exists() {
+        for name in QUICK_SCENES {
+            assert!(generate::by_name(name).is_some(), "{name}");
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Chores of the Antumbra workspace: `cargo xtask bench`, `report`, `shaders` and `test`.
+
+#![allow(clippy::print_stdout, reason = "a command-line tool prints")]
+
+mod args;
+mod baseline;
+mod bench;
+mod columns;
+mod exr;
+mod outcome;
+mod provision;
+mod report;
+mod results;
+#[cfg(test)]
+mod sample;
+mod shaders;
+mod table;
+mod test;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+use args::{Cli, Command, ShaderCommand};
+
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Bench(args) => {
+            // A list needs no GPU.
+            let _runtime_dir = (!args.list).then(provision::ensure_adapter).transpose()?;
+            bench::run(args)
+        }
+        Command::Report { dir } => report::run(&dir),
+        Command::Shaders { command: ShaderCommand::Export { to, dir } } => {
+            shaders::export(to, &dir)
+        }
+        Command::Shaders { command: ShaderCommand::Check } => shaders::check(),
+        Command::Test { only } => {
+            let steps = test::steps(&only);
+            // Only the tests draw.
+            let draws = steps.contains(&test::Step::Test);
+            let _runtime_dir = draws.then(provision::ensure_adapter).transpose()?;
+            test::run(&steps)
+        }
+    }
+}
