@@ -108,7 +108,8 @@ pub(super) fn build(list: &Triangles) -> Tree {
         SortPrecision::U64,
         0,
     );
-    ReinsertionOptimizer::default().run(&mut binary, 0.2, None);
+    // All nodes are candidates: twice the time of a fifth of them, for 2 to 4 % faster rays on a city.
+    ReinsertionOptimizer::default().run(&mut binary, 1.0, None);
     Collapse::new(&binary, list, &order, &groups).tree()
 }
 

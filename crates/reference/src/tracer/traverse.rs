@@ -160,11 +160,11 @@ fn descend<L: Lanes, V: Visitor>(
     let mut current = 0;
     loop {
         if current & LEAF == 0 {
-            let node = unsafe { tree.nodes.get_unchecked(current as usize) };
+            let node = &tree.nodes[current as usize];
             let meet_plane = |axis: usize| {
                 let row = ray.near[axis];
-                let near = L::load(unsafe { node.planes.get_unchecked(row) }).mul_add(inverse[axis], near_offset[axis]);
-                let far = L::load(unsafe { node.planes.get_unchecked(row ^ 1) }).mul_add(inverse[axis], far_offset[axis]);
+                let near = L::load(&node.planes[row]).mul_add(inverse[axis], near_offset[axis]);
+                let far = L::load(&node.planes[row ^ 1]).mul_add(inverse[axis], far_offset[axis]);
                 (near, far)
             };
             let (x, y, z) = (meet_plane(0), meet_plane(1), meet_plane(2));
@@ -186,7 +186,7 @@ fn descend<L: Lanes, V: Visitor>(
                 continue;
             }
         } else {
-            let packet = unsafe { tree.packets.get_unchecked((current & !LEAF) as usize) };
+            let packet = &tree.packets[(current & !LEAF) as usize];
             let (mut sure, mut unsure) = meet::<L>(packet, ray, depth);
             if V::DEPTHS {
                 unsure |= sure;
