@@ -29,12 +29,14 @@ pub const MODULES: &[(&str, &str)] = &[
     ("filter::poisson", include_str!("../filter/poisson.wesl")),
     ("filter::separable", include_str!("../filter/separable.wesl")),
     ("gpu::light_depth", include_str!("../gpu/light_depth.wesl")),
+    ("gpu::probe", include_str!("../gpu/probe.wesl")),
     ("gpu::unproject", include_str!("../gpu/unproject.wesl")),
     ("gpu::view_samples", include_str!("../gpu/view_samples.wesl")),
     ("map::layout_cube", include_str!("../map/layout_cube.wesl")),
     ("map::layout_single", include_str!("../map/layout_single.wesl")),
     ("map::nearest", include_str!("../map/nearest.wesl")),
     ("map::resolve", include_str!("../map/resolve.wesl")),
+    ("map::shadow", include_str!("../map/shadow.wesl")),
 ];
 
 /// What a slot is bound to.
@@ -91,28 +93,56 @@ pub enum LinkError {
 /// # Errors
 /// An unknown module path, or an import that nothing provides.
 pub fn link(root: &str, slots: &[Slot]) -> Result<String, LinkError> {
-    link_keeping(root, slots, None)
+    link_keeping(root, find(root)?, slots, None)
 }
 
 /// As [`link`], but keeps the named declarations of the root instead of its entry points: a library
 /// of functions for another shader.
 ///
+/// So a forward renderer gets shadows into its own fragment shader:
+///
+/// ```
+/// use antumbra_shaders::{link_functions, module};
+///
+/// let slots = [
+///     module("layout", "map::layout_cube"),
+///     module("store", "common::depth_map"),
+///     module("estimator", "map::nearest"),
+/// ];
+/// let library = link_functions("map::shadow", &slots, &["View", "view_index", "shadow"])?;
+/// let shader = format!("{library}\n// ... its own declarations, among them array<View>");
+/// # assert!(shader.contains("fn shadow("), "the function keeps its name");
+/// # Ok::<(), antumbra_shaders::LinkError>(())
+/// ```
+///
 /// # Errors
 /// As [`link`].
 pub fn link_functions(root: &str, slots: &[Slot], keep: &[&str]) -> Result<String, LinkError> {
-    link_keeping(root, slots, Some(keep.iter().map(|&k| k.to_owned()).collect()))
+    let keep = keep.iter().map(|&k| k.to_owned()).collect();
+    link_keeping(root, find(root)?, slots, Some(keep))
+}
+
+/// As [`link`], for a root that is not among [`MODULES`]: WESL `text`, which may import from any of
+/// them (`import package::map::shadow::{shadow};`). `name` stands in messages; it must not be the path
+/// of a module.
+///
+/// # Errors
+/// As [`link`].
+pub fn link_source(name: &str, text: &str, slots: &[Slot]) -> Result<String, LinkError> {
+    link_keeping(name, text, slots, None)
 }
 
 fn link_keeping(
     root: &str,
+    text: &str,
     slots: &[Slot],
     keep: Option<Vec<String>>,
 ) -> Result<String, LinkError> {
-    find(root)?;
     let mut resolver = VirtualResolver::new();
     for (path, text) in MODULES {
         resolver.add_module(module_path(root, path)?, Cow::Borrowed(*text));
     }
+    resolver.add_module(module_path(root, root)?, Cow::Borrowed(text));
     for (slot, binding) in slots {
         let text = match binding {
             Binding::Module(path) => Cow::Borrowed(find(path)?),

@@ -31,7 +31,9 @@ const LAYOUTS: [(&str, &str); 2] = [("single", "map::layout_single"), ("cube", "
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    let mut all: Vec<Permutation> = ["gpu::light_depth", "gpu::view_samples", "gpu::unproject"]
+    const PASSES: [&str; 4] =
+        ["gpu::light_depth", "gpu::view_samples", "gpu::unproject", "gpu::probe"];
+    let mut all: Vec<Permutation> = PASSES
         .map(|root| Permutation { name: file_name(root), root, slots: Vec::new() })
         .into();
     for (estimator, slots) in estimators() {

@@ -1,6 +1,8 @@
 //! Every permutation links, and naga accepts the result.
 
-use antumbra_shaders::{LinkError, MODULES, link, module, permutations};
+use antumbra_shaders::{
+    LinkError, MODULES, link, link_functions, link_source, module, permutations,
+};
 
 fn validate(wgsl: &str) -> Result<naga::valid::ModuleInfo, String> {
     let parsed = naga::front::wgsl::parse_str(wgsl).map_err(|e| e.emit_to_string(wgsl))?;
@@ -64,4 +66,37 @@ fn an_unbound_slot_is_an_error() {
 fn an_unknown_module_lists_the_known_ones() {
     let error = link("map::nothing", &[]).expect_err("there is no such module");
     assert!(error.to_string().contains("map::resolve"), "{error}");
+}
+
+fn shadow_slots() -> Vec<antumbra_shaders::Slot> {
+    vec![
+        module("layout", "map::layout_cube"),
+        module("store", "common::compare_map"),
+        module("estimator", "filter::hardware"),
+    ]
+}
+
+#[test]
+fn functions_for_another_shader_keep_their_names_and_bring_no_bindings() {
+    let keep = ["View", "view_index", "shadow"];
+    let wgsl = link_functions("map::shadow", &shadow_slots(), &keep).expect("links");
+    for needed in ["alias View", "fn view_index(", "fn shadow("] {
+        assert!(wgsl.contains(needed), "`{needed}` is missing from\n{wgsl}");
+    }
+    assert!(!wgsl.contains("@group"), "a binding in\n{wgsl}");
+    if let Err(e) = validate(&wgsl) {
+        panic!("{e}\n{wgsl}");
+    }
+}
+
+#[test]
+fn a_root_given_as_text_may_import_any_module() {
+    let text = "import package::map::shadow::{View, view_index};
+        @group(0) @binding(0) var<storage, read> first: View;
+        @group(0) @binding(1) var<storage, read_write> out: i32;
+        @compute @workgroup_size(1) fn main() { out = view_index(first, vec3f(1.0)); }";
+    let wgsl = link_source("mine", text, &shadow_slots()).expect("links");
+    if let Err(e) = validate(&wgsl) {
+        panic!("{e}\n{wgsl}");
+    }
 }

@@ -16,6 +16,7 @@ mod sample;
 mod shaders;
 mod table;
 mod test;
+mod validation;
 
 use std::process::ExitCode;
 
@@ -47,8 +48,9 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Shaders { command: ShaderCommand::Check } => shaders::check(),
         Command::Test { only } => {
             let steps = test::steps(&only);
-            // Only the tests draw.
-            let draws = steps.contains(&test::Step::Test);
+            // The others only build and read.
+            let draws =
+                steps.iter().any(|s| [test::Step::Test, test::Step::Validation].contains(s));
             let _runtime_dir = draws.then(provision::ensure_adapter).transpose()?;
             test::run(&steps)
         }

@@ -51,7 +51,11 @@ pub(crate) fn ensure_adapter() -> anyhow::Result<RuntimeDir> {
     match plan(&gather()) {
         Plan::Stop(message) => bail!(message),
         Plan::Install { sudo } => {
-            install(sudo)?;
+            println!(
+                "No GPU adapter found: installing the software Vulkan driver of this distribution ({}).",
+                PACKAGES.join(", ")
+            );
+            install(sudo, &PACKAGES)?;
             start_over(runtime_dir)
         }
     }
@@ -142,11 +146,15 @@ fn families(os_release: &str) -> Vec<String> {
         .collect()
 }
 
-fn install(sudo: bool) -> anyhow::Result<()> {
-    println!(
-        "No GPU adapter found: installing the software Vulkan driver of this distribution ({}).",
-        PACKAGES.join(", ")
-    );
+/// Installs the distribution's `packages` where that is Debian or Ubuntu and the user may; whether it did.
+pub(crate) fn install_if_allowed(packages: &[&str]) -> anyhow::Result<bool> {
+    match plan(&Facts { installed: false, ..gather() }) {
+        Plan::Stop(_) => Ok(false),
+        Plan::Install { sudo } => install(sudo, packages).map(|()| true),
+    }
+}
+
+fn install(sudo: bool, packages: &[&str]) -> anyhow::Result<()> {
     let apt = |args: &[&str]| -> anyhow::Result<bool> {
         let mut command = Command::new(if sudo { "sudo" } else { "env" });
         if sudo {
@@ -160,9 +168,9 @@ fn install(sudo: bool) -> anyhow::Result<()> {
     if !apt(&["update"])? {
         println!("apt-get update failed; trying with the package lists that are there.");
     }
-    let args = [&["install", "-y", "--no-install-recommends"][..], &PACKAGES].concat();
+    let args = [&["install", "-y", "--no-install-recommends"][..], packages].concat();
     if !apt(&args)? {
-        bail!("apt-get could not install {}; its output above says why", PACKAGES.join(" and "));
+        bail!("apt-get could not install {}; its output above says why", packages.join(" and "));
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 
-use crate::shaders;
+use crate::{shaders, validation};
 
 /// One step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -20,20 +20,23 @@ pub(crate) enum Step {
     Test,
     /// Every shader permutation, linked and validated.
     Shaders,
+    /// A bench under the Khronos validation layer, where there is Vulkan.
+    Validation,
     /// Documentation, with warnings as errors.
     Doc,
 }
 
 impl Step {
-    const ALL: [Self; 5] = [Self::Fmt, Self::Clippy, Self::Test, Self::Shaders, Self::Doc];
+    const ALL: [Self; 6] =
+        [Self::Fmt, Self::Clippy, Self::Test, Self::Shaders, Self::Validation, Self::Doc];
 
-    /// The arguments to cargo, or `None` for the step that runs in this process.
+    /// The arguments to cargo, or `None` for a step that is not cargo's.
     fn cargo_args(self) -> Option<&'static str> {
         match self {
             Self::Fmt => Some("fmt --all --check"),
             Self::Clippy => Some("clippy --release --workspace --all-targets -- -D warnings"),
             Self::Test => Some("test --release --workspace"),
-            Self::Shaders => None,
+            Self::Shaders | Self::Validation => None,
             Self::Doc => Some("doc --release --workspace --no-deps"),
         }
     }
@@ -43,17 +46,24 @@ impl Step {
         match self {
             Self::Fmt => Some("rustfmt"),
             Self::Clippy => Some("clippy"),
-            Self::Test | Self::Shaders | Self::Doc => None,
+            Self::Test | Self::Shaders | Self::Validation | Self::Doc => None,
         }
     }
 
     fn title(self) -> String {
-        self.cargo_args().map_or("cargo xtask shaders check".to_owned(), |a| format!("cargo {a}"))
+        match self {
+            Self::Shaders => "cargo xtask shaders check".to_owned(),
+            Self::Validation => "cargo xtask bench, under the Vulkan validation layer".to_owned(),
+            _ => format!("cargo {}", self.cargo_args().unwrap_or_default()),
+        }
     }
 
     fn run(self) -> anyhow::Result<()> {
         let Some(args) = self.cargo_args() else {
-            return shaders::check();
+            return match self {
+                Self::Validation => validation::run(),
+                _ => shaders::check(),
+            };
         };
         let mut command = cargo();
         command.args(args.split(' '));
