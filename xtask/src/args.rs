@@ -23,6 +23,12 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Measure speed and error of shadow techniques against ground truth
     Bench(BenchArgs),
+    /// Fill the measured tables of the documentation from docs/results
+    Doc {
+        /// Fail where a table is out of date instead of writing it
+        #[arg(long)]
+        check: bool,
+    },
     /// Write index.html again from the results.json of an earlier bench
     Report {
         /// Directory of the earlier bench

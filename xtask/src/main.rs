@@ -6,6 +6,7 @@ mod args;
 mod baseline;
 mod bench;
 mod columns;
+mod doc;
 mod exr;
 mod outcome;
 mod provision;
@@ -41,6 +42,7 @@ fn run(command: Command) -> anyhow::Result<()> {
             let _runtime_dir = (!args.list).then(provision::ensure_adapter).transpose()?;
             bench::run(args)
         }
+        Command::Doc { check } => doc::run(check),
         Command::Report { dir } => report::run(&dir),
         Command::Shaders { command: ShaderCommand::Export { to, dir } } => {
             shaders::export(to, &dir)

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 
-use crate::{shaders, validation};
+use crate::{doc, shaders, validation};
 
 /// One step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -22,13 +22,22 @@ pub(crate) enum Step {
     Shaders,
     /// A bench under the Khronos validation layer, where there is Vulkan.
     Validation,
+    /// Measured tables of the documentation, up to date with the committed results.
+    Tables,
     /// Documentation, with warnings as errors.
     Doc,
 }
 
 impl Step {
-    const ALL: [Self; 6] =
-        [Self::Fmt, Self::Clippy, Self::Test, Self::Shaders, Self::Validation, Self::Doc];
+    const ALL: [Self; 7] = [
+        Self::Fmt,
+        Self::Clippy,
+        Self::Test,
+        Self::Shaders,
+        Self::Validation,
+        Self::Tables,
+        Self::Doc,
+    ];
 
     /// The arguments to cargo, or `None` for a step that is not cargo's.
     fn cargo_args(self) -> Option<&'static str> {
@@ -36,7 +45,7 @@ impl Step {
             Self::Fmt => Some("fmt --all --check"),
             Self::Clippy => Some("clippy --release --workspace --all-targets -- -D warnings"),
             Self::Test => Some("test --release --workspace"),
-            Self::Shaders | Self::Validation => None,
+            Self::Shaders | Self::Validation | Self::Tables => None,
             Self::Doc => Some("doc --release --workspace --no-deps"),
         }
     }
@@ -46,7 +55,7 @@ impl Step {
         match self {
             Self::Fmt => Some("rustfmt"),
             Self::Clippy => Some("clippy"),
-            Self::Test | Self::Shaders | Self::Validation | Self::Doc => None,
+            Self::Test | Self::Shaders | Self::Validation | Self::Tables | Self::Doc => None,
         }
     }
 
@@ -54,6 +63,7 @@ impl Step {
         match self {
             Self::Shaders => "cargo xtask shaders check".to_owned(),
             Self::Validation => "cargo xtask bench, under the Vulkan validation layer".to_owned(),
+            Self::Tables => "cargo xtask doc --check".to_owned(),
             _ => format!("cargo {}", self.cargo_args().unwrap_or_default()),
         }
     }
@@ -62,6 +72,7 @@ impl Step {
         let Some(args) = self.cargo_args() else {
             return match self {
                 Self::Validation => validation::run(),
+                Self::Tables => doc::run(true),
                 _ => shaders::check(),
             };
         };

@@ -2,6 +2,41 @@
 //!
 //! The facade over the technique crates: one config ([`Config`]), one entry point ([`Config::build`]), and
 //! the list of everything there is ([`catalogue`]). Each technique crate can be used without it.
+//!
+//! The caller owns device, encoder and frame; a technique records its passes:
+//!
+//! ```no_run
+//! use antumbra::Config;
+//! use antumbra::gpu::{Frame, Gpu, MeshSet, Recorder, ViewSamples, wgpu};
+//! use antumbra::scene::{Camera, LightKind, LoadOptions, load};
+//!
+//! # fn example(device: wgpu::Device, queue: wgpu::Queue, depth: wgpu::TextureView)
+//! # -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::from_device(device, queue);
+//! let (scene, _) = load("town.glb".as_ref(), &LoadOptions::default())?;
+//! let camera: Camera = scene.camera_or_framing();
+//! let light = scene.light_or_placed(LightKind::Directional);
+//!
+//! // What casts shadows, and what the camera sees. An engine brings its own: `Casters`, `DepthSamples`.
+//! let meshes = MeshSet::new(&gpu, &scene)?;
+//! let samples = ViewSamples::new(&gpu, 1280, 720)?;
+//! let visibility = samples.visibility_target(&gpu)?.create_view(&Default::default());
+//!
+//! // Any technique by its id, here with a setting of its own.
+//! let config: Config = serde_json::from_str(r#"{ "technique": "filter/pcf-grid", "side": 5 }"#)?;
+//! let mut shadows = config.build(&gpu)?;
+//!
+//! let frame =
+//!     Frame { samples: &samples, light: &light, casters: &meshes, origin: meshes.origin() };
+//! let mut encoder = gpu.device.create_command_encoder(&Default::default());
+//! let mut recorder = Recorder::new(&mut encoder);
+//! meshes.encode_view_samples(&gpu, &mut recorder, &camera, &depth, &samples);
+//! shadows.prepare(&gpu, &frame)?;
+//! shadows.encode(&gpu, &frame, &mut recorder, &visibility)?;
+//! gpu.queue.submit([encoder.finish()]);
+//! # Ok(())
+//! # }
+//! ```
 
 use antumbra_gpu::{Gpu, GpuError, Technique};
 use serde::{Deserialize, Serialize};
@@ -48,7 +83,7 @@ pub enum Config {
 
 /// The plain shadow map: one texel, one comparison (Williams 1978).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Plain {
     /// The shadow map.
     pub map: MapConfig,
@@ -126,5 +161,31 @@ impl Config {
             #[cfg(feature = "filter")]
             Self::PcfPoisson(c) => Box::new(c.technique(gpu)?),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_config_survives_its_serialised_form_under_its_id() {
+        for config in catalogue() {
+            let value = serde_json::to_value(config).expect("configs serialise");
+            assert_eq!(value["technique"], config.id(), "the tag is the id");
+            let back: Config = serde_json::from_value(value).expect("and come back");
+            assert_eq!(back, config, "unchanged");
+        }
+    }
+
+    #[test]
+    fn an_id_alone_gives_the_defaults_and_unknown_fields_are_refused() {
+        for config in catalogue() {
+            let text = format!(r#"{{ "technique": "{}" }}"#, config.id());
+            let parsed: Config = serde_json::from_str(&text).expect("defaults fill the rest");
+            assert_eq!(parsed, config, "defaults");
+        }
+        let wrong = r#"{ "technique": "filter/pcf-grid", "sides": 5 }"#;
+        assert!(serde_json::from_str::<Config>(wrong).is_err(), "a misspelt field is an error");
     }
 }

@@ -40,8 +40,9 @@ pub(super) struct Plan {
 }
 
 /// Scenes of the quick suite: one shadow edge with a closed form, contacts, thin casters, a curved caster,
-/// and a large scene.
-const QUICK_SCENES: [&str; 6] = ["half-plane", "sphere", "thin-wall", "fence", "tree", "street"];
+/// relief, an interior, and a large scene.
+const QUICK_SCENES: [&str; 8] =
+    ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
 const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
 
 impl Plan {

@@ -54,6 +54,8 @@ pub fn fence(map: &ThinCasters, thicknesses: &[f64]) -> Scene {
     const GAP: f64 = 0.5;
     let mut scene = stage("fence");
     let row = thicknesses.len() as f64 * (WIDTH + GAP) - GAP;
+    // The whole row of the registered scene, 17 m, in a square picture.
+    scene.camera = Some(look([0.0, 8.0, 18.0], [0.0, 0.0, 1.0], 0.1));
     for (number, &texels) in thicknesses.iter().enumerate() {
         let thick = texels * map.texel();
         let left = number as f64 * (WIDTH + GAP) - 0.5 * row;
