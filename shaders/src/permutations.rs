@@ -33,9 +33,8 @@ const LAYOUTS: [(&str, &str); 2] = [("single", "map::layout_single"), ("cube", "
 pub fn permutations() -> Vec<Permutation> {
     const PASSES: [&str; 4] =
         ["gpu::light_depth", "gpu::view_samples", "gpu::unproject", "gpu::probe"];
-    let mut all: Vec<Permutation> = PASSES
-        .map(|root| Permutation { name: file_name(root), root, slots: Vec::new() })
-        .into();
+    let mut all: Vec<Permutation> =
+        PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
     for (estimator, slots) in estimators() {
         for (layout, layout_module) in LAYOUTS {
             let mut slots = slots.clone();

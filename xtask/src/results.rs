@@ -227,13 +227,19 @@ pub(crate) struct Files {
 pub(crate) struct StabilityCase {
     /// The case's name.
     pub(crate) case: String,
+    /// What the case tests.
+    pub(crate) about: String,
+    /// What its number is, with the unit.
+    pub(crate) number: String,
     /// `family/name`.
     pub(crate) technique: String,
     /// What theory says.
     pub(crate) expected: Expected,
-    /// Why, in one sentence.
+    /// Why it fails, in one sentence: a known limit, or what kept it from being measured.
     pub(crate) reason: String,
-    /// The bound on the case's measure, if there is one.
+    /// Smallest number expected of a known limit.
+    pub(crate) at_least: Option<f64>,
+    /// Largest number expected.
     pub(crate) bound: Option<f64>,
     /// What was measured.
     pub(crate) measured: Option<f64>,

@@ -38,12 +38,15 @@
 //! # }
 //! ```
 
+mod expectation;
+
 use antumbra_gpu::{Gpu, GpuError, Technique};
 use serde::{Deserialize, Serialize};
 
 pub use antumbra_gpu as gpu;
 pub use antumbra_map as map;
 pub use antumbra_scene as scene;
+pub use expectation::Expectation;
 
 #[cfg(feature = "filter")]
 pub use antumbra_filter as filter;

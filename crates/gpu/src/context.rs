@@ -130,6 +130,20 @@ impl Gpu {
         }
     }
 
+    /// Makes a buffer with `contents`, a multiple of four bytes and not empty. Unlike wgpu's own helper it
+    /// does not panic on a lost device.
+    #[must_use]
+    pub fn buffer(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: contents.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
+    }
+
     /// Compiles linked WGSL.
     #[must_use]
     pub fn shader(&self, label: &str, wgsl: String) -> wgpu::ShaderModule {

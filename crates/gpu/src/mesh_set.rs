@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use antumbra_scene::{Bounds, Camera, Light, MeshError, Scene, Triangles};
 use glam::{DVec3, DVec4, Mat4, Vec4};
-use wgpu::util::DeviceExt as _;
 
 use crate::record::depth_attachment;
 use crate::{
@@ -83,11 +82,7 @@ impl MeshSet {
         let buffer = |label, contents: &[u8], usage| {
             // A buffer may not be empty; four bytes that nothing draws.
             let contents = if contents.is_empty() { &[0; 4] } else { contents };
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: usage | wgpu::BufferUsages::STORAGE,
-            })
+            gpu.buffer(label, contents, usage | wgpu::BufferUsages::STORAGE)
         };
         let positions = buffer(
             "positions",
@@ -128,8 +123,8 @@ impl MeshSet {
         })
     }
 
-    /// With `false`, every part is drawn into every light view, floors included. Culling never changes
-    /// visibility; this is for proving it.
+    /// With `false`, every part is drawn into every light view, and views are fitted to floors as well. Parts
+    /// outside a view never change visibility; a floor only changes how much a texel covers. For proving it.
     pub fn set_culling(&mut self, cull: bool) {
         self.cull = cull;
     }

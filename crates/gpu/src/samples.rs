@@ -233,7 +233,7 @@ impl DepthSamples {
 
     /// Records the pass: `depth` (single-sampled, depth aspect) and, where there are any, geometric
     /// `normals` (xyz, relative to the world's axes, any length) become `samples`. Without normals
-    /// they are taken from neighbouring pixels, which is wrong on features of one pixel.
+    /// they are taken from neighbouring pixels, which is wrong on faces less than three pixels wide.
     ///
     /// # Errors
     /// A camera matrix that cannot be inverted.

@@ -12,7 +12,11 @@ fn hull() -> Vec<DVec3> {
         let height = 1.0 + (x * 7.0 + z * 3.0) % 5.0;
         for corner in 0..8 {
             let bit = |i: i32| f64::from(corner >> i & 1);
-            points.push(DVec3::new(x * 10.0 + 6.0 * bit(0), height * bit(1), z * 10.0 + 6.0 * bit(2)));
+            points.push(DVec3::new(
+                x * 10.0 + 6.0 * bit(0),
+                height * bit(1),
+                z * 10.0 + 6.0 * bit(2),
+            ));
         }
     }
     points

@@ -16,5 +16,5 @@ pub use metrics::{
     PENUMBRA_LEVELS, contact_gap, penumbra_width, penumbra_width_error, temporal_error,
 };
 pub use sample::{SampleClass, ViewSample};
-pub use tracer::{Hit, LARGEST_COORDINATE, Ray, TraceError, Tracer};
+pub use tracer::{Hit, Instructions, LARGEST_COORDINATE, Ray, TraceError, Tracer};
 pub use truth::{Truth, TruthOptions};

@@ -24,7 +24,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::tracer::{Tracer, U};
+use crate::tracer::{Ray, Tracer, U};
 use crate::{SampleClass, ViewSample};
 
 /// How [`Tracer::truth`] works.
@@ -183,25 +183,29 @@ impl Eye<'_> {
         let key = hash(self.seed ^ hash(index as u64));
         let scramble = [key as u32, (key >> 32) as u32];
         let mut visible = [0_u32; 2];
-        let mut rays = 0;
-        for (i, point) in self.points.iter().enumerate() {
-            let unit = |d: usize| {
+        let mut traced = 0;
+        for (points, visible) in self.points.chunks(self.points.len() / 2).zip(&mut visible) {
+            let unit = |point: &[u32; 2], d: usize| {
                 // The middle of the cell of size 2^-32.
                 (f64::from(owen(point[d], scramble[d])) + 0.5) / 4_294_967_296.0
             };
-            let to_light = self.light.towards(p, DVec2::new(unit(0), unit(1)));
-            if normal.dot(to_light) > 0.0 {
-                rays += 1;
-                let half = i * 2 / self.points.len();
-                visible[half] += u32::from(self.reaches(p, normal, to_light));
-            }
+            let rays: Vec<Ray> = points
+                .iter()
+                .map(|point| self.light.towards(p, DVec2::new(unit(point, 0), unit(point, 1))))
+                .filter(|&to_light| normal.dot(to_light) > 0.0)
+                .map(|to_light| self.ray(p, normal, to_light))
+                .collect();
+            let mut blocked = vec![false; rays.len()];
+            self.tracer.occluded_each(&rays, &mut blocked);
+            *visible = blocked.iter().map(|&blocked| u32::from(!blocked)).sum();
+            traced += rays.len() as u64;
         }
         let total = self.points.len() as f64;
         Seen {
             visibility: (f64::from(visible[0] + visible[1]) / total) as f32,
             class,
             halves: (f64::from(visible[0]) - f64::from(visible[1])) / (0.5 * total),
-            rays,
+            rays: traced,
         }
     }
 
@@ -232,6 +236,12 @@ impl Eye<'_> {
 
     /// Whether nothing lies between `p` and the point of the light at `p + to_light`.
     fn reaches(&self, p: DVec3, normal: DVec3, to_light: DVec3) -> bool {
+        let Ray { origin, direction, t_max } = self.ray(p, normal, to_light);
+        !self.tracer.occluded(origin, direction, t_max)
+    }
+
+    /// From just above `p` to just before the point of the light at `p + to_light`.
+    fn ray(&self, p: DVec3, normal: DVec3, to_light: DVec3) -> Ray {
         let start = (p + normal * self.lift).as_vec3();
         let (way, end) = match self.light {
             Light::Directional { .. } => (to_light, f64::INFINITY),
@@ -246,7 +256,7 @@ impl Eye<'_> {
                 (way, 1.0 - self.lift / way.length())
             }
         };
-        !self.tracer.occluded(start, way.as_vec3(), end as f32)
+        Ray { origin: start, direction: way.as_vec3(), t_max: end as f32 }
     }
 }
 

@@ -1,6 +1,8 @@
 //! The ray tracer against brute force, against geometry that must not leak, and against itself.
 
-use antumbra_reference::{LARGEST_COORDINATE, Ray, TraceError, Tracer};
+use std::time::Instant;
+
+use antumbra_reference::{Instructions, LARGEST_COORDINATE, Ray, TraceError, Tracer};
 use antumbra_scene::Triangles;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
@@ -349,16 +351,25 @@ fn rays_through_the_edges_and_corners_of_a_grid_are_blocked() {
 }
 
 #[test]
-fn processors_with_and_without_avx2_agree() {
+fn answers_do_not_depend_on_the_processor_or_the_batch() {
     let mut random = Random(7);
     for wild in [false, true] {
         let triangles = soup(&mut random, 500, wild);
         let tracer = tracer(&triangles);
-        let portable = tracer.clone().portable();
-        let rays = rays(&mut random, 100_000);
-        assert_eq!(tracer.occluded_all(&rays), portable.occluded_all(&rays), "any hit");
-        for ray in &rays[..20_000] {
-            assert_eq!(tracer.closest(ray), portable.closest(ray), "closest hit of {ray:?}");
+        let portable = tracer.clone().at_most(Instructions::Portable);
+        // Not a multiple of any batch.
+        let rays = rays(&mut random, 100_003);
+        let single =
+            |tracer: &Tracer, ray: &Ray| tracer.occluded(ray.origin, ray.direction, ray.t_max);
+        let expected: Vec<bool> = rays.iter().map(|ray| single(&portable, ray)).collect();
+        for instructions in [Instructions::Portable, Instructions::Avx2, Instructions::Avx512] {
+            let tracer = tracer.clone().at_most(instructions);
+            let each: Vec<bool> = rays.iter().map(|ray| single(&tracer, ray)).collect();
+            assert_eq!(each, expected, "any hit, {:?}", tracer.instructions());
+            assert_eq!(tracer.occluded_all(&rays), expected, "batch, {:?}", tracer.instructions());
+            for ray in &rays[..20_000] {
+                assert_eq!(tracer.closest(ray), portable.closest(ray), "closest hit of {ray:?}");
+            }
         }
     }
 }
@@ -421,6 +432,37 @@ fn empty_degenerate_and_stacked_scenes_are_fine() {
     let stacked = tracer(&list(points, vec![[0, 2, 3]; 1_000_000]));
     assert!(stacked.occluded(Vec3::new(0.5, 0.3, 3.0), Vec3::NEG_Z, 9.0), "hits the stack");
     assert!(!stacked.occluded(Vec3::new(1.5, 1.0, 3.0), Vec3::NEG_Z, 9.0), "passes the stack");
+}
+
+#[test]
+fn boxes_inside_each_other_cost_no_more_than_a_grid() {
+    const COUNT: usize = 200_000;
+    let build = |corners: &dyn Fn(usize) -> [Vec3; 3]| {
+        let positions = (0..COUNT).flat_map(corners).collect();
+        let triangles = (0..COUNT as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let triangles = list(positions, triangles);
+        let start = Instant::now();
+        (tracer(&triangles), start.elapsed())
+    };
+    let (_, grid) = build(&|i| {
+        let corner = Vec3::new((i % 447) as f32, 0.0, (i / 447) as f32);
+        [corner, corner + Vec3::X, corner + Vec3::Z]
+    });
+    // Layers x + y + z = size, each in a box from 0 to its size.
+    let size = |i: usize| 1.0 + i as f32 / COUNT as f32;
+    let (tracer, nested) = build(&|i| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * size(i)));
+    // Less than the grid on a quiet machine; a pass per layer would take a thousand times as long.
+    assert!(nested < 10 * grid, "{nested:?} for nested boxes, {grid:?} for a grid");
+    for i in (0..COUNT - 1).step_by(997) {
+        let between = Vec3::ONE * ((size(i) + size(i + 1)) / 6.0);
+        let first = |direction: Vec3| {
+            tracer.closest(&Ray { origin: between, direction, t_max: 1.0 }).map(|hit| hit.triangle)
+        };
+        assert_eq!(first(Vec3::ONE), Some(i as u32 + 1), "the layer after {i}");
+        assert_eq!(first(-Vec3::ONE), Some(i as u32), "the layer before {i}");
+    }
+    assert!(!tracer.occluded(Vec3::ZERO, Vec3::ONE, 0.333), "before the first layer");
+    assert!(!tracer.occluded(Vec3::ONE * 0.667, Vec3::ONE, 9.0), "after the last layer");
 }
 
 #[test]

@@ -3,6 +3,8 @@
 mod group;
 mod images;
 mod plan;
+mod scaling;
+mod stability;
 
 use std::time::Instant;
 
@@ -10,7 +12,7 @@ use antumbra_gpu::{Gpu, GpuOptions};
 use anyhow::Context as _;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::args::BenchArgs;
+use crate::args::{BenchArgs, Suite};
 use crate::outcome;
 use crate::results::{Adapter, Results, SCHEMA};
 
@@ -31,7 +33,11 @@ pub(crate) fn run(args: BenchArgs) -> anyhow::Result<()> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make the directory {}", args.out.display()))?;
 
-    let steps = plan.scenes.len() * plan.lights.len() * plan.techniques.len();
+    let steps = match args.suite {
+        Suite::Quick | Suite::Full => plan.scenes.len() * plan.lights.len() * plan.techniques.len(),
+        Suite::Stability => stability::steps(&plan),
+        Suite::Scaling => scaling::steps(&plan),
+    };
     let progress = ProgressBar::new(steps as u64);
     progress.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {msg}")?);
     let mut results = Results {
@@ -42,11 +48,18 @@ pub(crate) fn run(args: BenchArgs) -> anyhow::Result<()> {
         stability: Vec::new(),
         scaling: Vec::new(),
     };
-    for subject in &plan.scenes {
-        results.runs.extend(group::measure_scene(&gpu, &plan, subject, &args.out, &progress)?);
+    match args.suite {
+        Suite::Quick | Suite::Full => {
+            for subject in &plan.scenes {
+                let runs = group::measure_scene(&gpu, &plan, subject, &args.out, &progress)?;
+                results.runs.extend(runs);
+            }
+        }
+        Suite::Stability => results.stability = stability::measure(&gpu, &plan, &progress),
+        Suite::Scaling => results.scaling = scaling::measure(&gpu, &plan, &progress)?,
     }
     progress.finish_and_clear();
 
-    println!("{} runs in {:.0} s", results.runs.len(), start.elapsed().as_secs_f64());
+    println!("{steps} measurements in {:.0} s", start.elapsed().as_secs_f64());
     outcome::conclude(&results, &args.out, args.baseline.as_deref())
 }

@@ -8,6 +8,7 @@ use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
+use super::scaling;
 use crate::args::{BenchArgs, Size, Suite};
 use crate::results::Settings;
 
@@ -68,13 +69,15 @@ impl Plan {
         for technique in &mut techniques {
             technique.config.map_mut().size = settings.map_size;
         }
-        Ok(Self {
-            scenes: subjects(args, full)?,
-            lights,
-            techniques,
-            settings,
-            dump_mesh: args.dump_mesh,
-        })
+        let scenes = match (args.suite, args.scene.as_slice()) {
+            (Suite::Stability, []) => Vec::new(),
+            (Suite::Stability, _) => {
+                bail!("the stability suite has scenes of its own; leave out --scene")
+            }
+            (Suite::Scaling, []) => vec![scaling::subject()],
+            _ => subjects(args, full)?,
+        };
+        Ok(Self { scenes, lights, techniques, settings, dump_mesh: args.dump_mesh })
     }
 }
 

@@ -9,6 +9,8 @@ use std::path::Path;
 
 use anyhow::Context as _;
 
+pub(crate) use plot::number;
+
 use crate::results::Results;
 
 /// `cargo xtask report DIR`: writes the page again from the results in `dir`.

@@ -6,8 +6,9 @@ use std::path::Path;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::columns::{Column, METRICS, Unit};
+use crate::report::number;
 use crate::report::pictures::{NO_SAMPLE, Pictures, Strip};
-use crate::report::plot::{self, Curve, Mark, number};
+use crate::report::plot::{self, Curve, Mark};
 use crate::results::{
     Expected, Results, Run, ScalingCurve, ScalingPoint, StabilityCase, Status, describe_light,
 };
@@ -331,7 +332,14 @@ fn stability_section(cases: &[StabilityCase]) -> Markup {
                     tbody {
                         @for row in &rows {
                             tr {
-                                th scope="row" { (row) }
+                                @let case = cases.iter().find(|c| c.case == *row);
+                                th scope="row" {
+                                    (row)
+                                    @if let Some(case) = case {
+                                        span.about { (case.about) }
+                                        span.about { i { (case.number) } }
+                                    }
+                                }
                                 @for column in &columns {
                                     @match find(row, column) {
                                         Some(case) => { (stability_cell(case)) }
@@ -353,16 +361,18 @@ fn stability_cell(case: &StabilityCase) -> Markup {
         (true, Expected::Holds) => ("ok", "holds"),
         (true, Expected::KnownLimit) => ("limit", "known limit"),
     };
-    let numbers = match (case.measured, case.bound) {
-        (Some(measured), Some(bound)) => format!("{} / {}", number(measured), number(bound)),
-        (Some(measured), None) => number(measured),
-        (None, _) => String::new(),
+    let measured = case.measured.map_or_else(|| "–".to_owned(), number);
+    let allowed = match (case.at_least, case.bound) {
+        (Some(low), Some(high)) => format!(" in [{}, {}]", number(low), number(high)),
+        (None, Some(high)) => format!(" ≤ {}", number(high)),
+        _ => String::new(),
     };
+    let allowed = if case.pass { allowed } else { format!(", not{allowed}") };
     html! {
         td class=(class) {
             b { (word) }
-            @if !numbers.is_empty() { " " span.measured title="measured / bound" { (numbers) } }
-            @if !case.reason.is_empty() && class != "ok" { span.reason { (case.reason) } }
+            " " span.measured title="measured, and what is expected" { (measured) (allowed) }
+            @if !case.reason.is_empty() { span.reason { (case.reason) } }
         }
     }
 }

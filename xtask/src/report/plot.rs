@@ -101,7 +101,7 @@ pub(super) fn curves(curves: &[Curve<'_>], x_title: &str, y_title: &str) -> anyh
 }
 
 /// A number of a plot, short.
-pub(super) fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()
     } else if (1e-3..1e5).contains(&value.abs()) {

@@ -110,8 +110,9 @@ impl Lanes for Portable {
 pub(super) use avx2::Avx2;
 
 /// Every method here is a thin wrapper of AVX2 and FMA instructions. [`Avx2`] may be used only where
-/// both were detected: it is private to the tracer, whose one entry with these features enabled
-/// (`Tracer::traverse`) checks that.
+/// both were detected: it is private to the tracer, whose entries with these features enabled
+/// (`Tracer::traverse`, `Tracer::occluded_each`) check that. With AVX-512 enabled too, the compiler
+/// has 32 registers for the same instructions.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::*;

@@ -22,6 +22,8 @@
 
 use std::mem::MaybeUninit;
 
+use glam::Vec3A;
+
 use super::Ray;
 use super::build::{LEAF, Packet, Tree, WIDTH};
 use super::lanes::Lanes;
@@ -63,52 +65,45 @@ struct Prepared {
 
 impl Prepared {
     /// `None` for a ray that cannot meet anything: of no length, or not finite.
-    #[inline(never)]
+    #[inline(always)]
     fn new(ray: &Ray, extent: f32) -> Option<Self> {
-        let Ray { origin, direction, t_max } = *ray;
-        let size = direction.abs();
-        let z = if size.x > size.y {
-            if size.x > size.z { 0 } else { 2 }
-        } else if size.y > size.z {
-            1
-        } else {
-            2
-        };
-        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        let dz = direction[z];
+        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+        let size = d.map(f32::abs);
+        // Without branches, which random rays would mispredict.
+        let first = usize::from(size[0] <= size[1]);
+        let z = if size[first] > size[2] { first } else { 2 };
+        let [x, y] = [[1, 2], [2, 0], [0, 1]][z];
+        let dz = d[z];
         let finite = origin.is_finite() && direction.is_finite();
-        if dz == 0.0 || !finite || t_max.is_nan() || t_max <= 0.0 {
+        if dz == 0.0 || !finite || ray.t_max.is_nan() || ray.t_max <= 0.0 {
             return None;
         }
         let reach = extent + origin.abs().max_element();
         let error = 16.0 * U * reach;
         // No corner is deeper than `reach`; four times that keeps the products below finite.
-        let depth = t_max * dz.abs();
+        let depth = ray.t_max * dz.abs();
         let depth = if depth < 4.0 * reach { depth } else { 4.0 * reach };
-        let mut ray = Self {
+        // A slope of 2^-60 instead of 0 moves the ray by less than u^2 of its length.
+        let slope = direction / dz.abs();
+        let flattest = Vec3A::splat(f32::from_bits((127 - 60) << 23));
+        let inverse = 1.0 / slope.abs().max(flattest).copysign(slope);
+        let outwards = Vec3A::splat(error).copysign(inverse);
+        let sign = 1.0_f32.copysign(dz);
+        let slope = slope.to_array();
+        let negative = inverse.is_negative_bitmask();
+        Some(Self {
             axes: [x, y, z],
-            origin: [origin[x], origin[y], origin[z]],
-            shear: [direction[x] / dz, direction[y] / dz],
-            sign: 1.0_f32.copysign(dz),
+            origin: [o[x], o[y], o[z]],
+            shear: [slope[x] * sign, slope[y] * sign],
+            sign,
             depth,
-            near: [0; 3],
-            inverse: [0.0; 3],
-            near_offset: [0.0; 3],
-            far_offset: [0.0; 3],
+            near: std::array::from_fn(|axis| 2 * axis + (negative >> axis & 1) as usize),
+            inverse: inverse.to_array(),
+            near_offset: (-(origin + outwards) * inverse).to_array(),
+            far_offset: (-(origin - outwards) * inverse).to_array(),
             error,
-        };
-        for axis in 0..3 {
-            // A slope of 2^-60 instead of 0 moves the ray by less than u^2 of its length.
-            let slope = direction[axis] / dz.abs();
-            let steep = slope.abs().max(f32::from_bits((127 - 60) << 23)).copysign(slope);
-            let inverse = 1.0 / steep;
-            let outwards = error.copysign(inverse);
-            ray.near[axis] = 2 * axis + usize::from(inverse < 0.0);
-            ray.inverse[axis] = inverse;
-            ray.near_offset[axis] = -(origin[axis] + outwards) * inverse;
-            ray.far_offset[axis] = -(origin[axis] - outwards) * inverse;
-        }
-        Some(ray)
+        })
     }
 }
 
@@ -123,15 +118,36 @@ pub(super) trait Visitor {
 
 /// Whether anything is met, with every triangle met shown to `visitor` if it wants them.
 #[inline(always)]
-pub(super) fn traverse<L: Lanes, V: Visitor>(
+pub(super) fn one<L: Lanes, V: Visitor>(
     tree: &Tree,
     ray: &Ray,
     extent: f32,
     visitor: &mut V,
 ) -> bool {
-    let Some(ray) = &Prepared::new(ray, extent) else {
-        return false;
-    };
+    Prepared::new(ray, extent).is_some_and(|ray| from_root::<L, V>(tree, &ray, visitor))
+}
+
+/// Which of the rays meet anything.
+///
+/// Eight rays are prepared before the first of them is traced: their divisions overlap, while at the
+/// end of a ray, which no processor foresees, there is nothing to overlap them with.
+#[inline(always)]
+pub(super) fn each<L: Lanes>(tree: &Tree, rays: &[Ray], extent: f32, blocked: &mut [bool]) {
+    const AHEAD: usize = 8;
+    for (rays, blocked) in rays.chunks(AHEAD).zip(blocked.chunks_mut(AHEAD)) {
+        let mut prepared = [const { None }; AHEAD];
+        for (ray, prepared) in rays.iter().zip(&mut prepared) {
+            *prepared = Prepared::new(ray, extent);
+        }
+        for (ray, blocked) in prepared.iter().zip(blocked) {
+            *blocked =
+                ray.as_ref().is_some_and(|ray| from_root::<L, _>(tree, ray, &mut super::Any));
+        }
+    }
+}
+
+#[inline(always)]
+fn from_root<L: Lanes, V: Visitor>(tree: &Tree, ray: &Prepared, visitor: &mut V) -> bool {
     let mut small = [const { MaybeUninit::<u32>::uninit() }; SMALL_STACK];
     if tree.stack <= SMALL_STACK {
         descend::<L, V>(tree, ray, visitor, &mut small)

@@ -1,0 +1,151 @@
+//! What theory says of each technique on each hard case: the table of verdicts.
+//!
+//! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
+//! `cargo xtask bench --suite stability` and the tests measure every technique of the
+//! [catalogue](crate::catalogue) on every case and fail wherever this table is wrong, to either side.
+
+use antumbra_map::Estimator;
+
+use crate::Config;
+
+/// What theory says of a technique on a hard case.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Expectation {
+    /// The technique copes.
+    Holds {
+        /// Largest number that the case may give.
+        bound: f64,
+    },
+    /// The technique fails, and by how much is known. To do better is as unexpected as to do worse: then
+    /// this table, or the measurement, is wrong.
+    KnownLimit {
+        /// Smallest number that the case may give.
+        at_least: f64,
+        /// Largest number that the case may give.
+        at_most: f64,
+        /// Why, in one sentence.
+        because: &'static str,
+    },
+}
+
+impl Expectation {
+    /// Whether `measured` is as expected; NaN never is.
+    #[must_use]
+    pub fn is_met_by(&self, measured: f64) -> bool {
+        match *self {
+            Self::Holds { bound } => measured <= bound,
+            Self::KnownLimit { at_least, at_most, .. } => (at_least..=at_most).contains(&measured),
+        }
+    }
+}
+
+impl Config {
+    /// What theory says of the technique, with these settings and the default bias, on the hard case of that
+    /// name; `None` for a case that the table does not know.
+    #[must_use]
+    pub fn expectation(&self, case: &str) -> Option<Expectation> {
+        let mut config = *self;
+        depth_map(&self.estimator().ok()?, config.map_mut().size, case)
+    }
+
+    /// The estimator over the depth map.
+    fn estimator(&self) -> Result<Estimator, antumbra_gpu::GpuError> {
+        match self {
+            Self::Plain(_) => Ok(Estimator::nearest()),
+            #[cfg(feature = "filter")]
+            Self::PcfGrid(c) => c.estimator(),
+            #[cfg(feature = "filter")]
+            Self::PcfHardware(c) => Ok(c.estimator()),
+            #[cfg(feature = "filter")]
+            Self::PcfBilinearGrid(c) => c.estimator(),
+            #[cfg(feature = "filter")]
+            Self::PcfCastano(c) => c.estimator(),
+            #[cfg(feature = "filter")]
+            Self::PcfPoisson(c) => c.estimator(),
+        }
+    }
+}
+
+/// Techniques that compare the receiver's plane with a depth map fitted to the casters, of `size` texels a
+/// side.
+fn depth_map(estimator: &Estimator, size: u32, case: &str) -> Option<Expectation> {
+    use Expectation::{Holds, KnownLimit};
+    let (radius, size) = (f64::from(estimator.radius), f64::from(size));
+    // The map keeps a guard band of the kernel's radius and one texel around the casters, which makes its
+    // texels larger than those of the ideal map that the cases count in.
+    let texel = size / (size - 2.0 * (radius.ceil() + 1.0)).max(1.0);
+    // A sample is decided by texel centres up to `radius` away an axis, and these by where the rasteriser
+    // puts the caster's edge, to 1/256 texel.
+    let reach = std::f64::consts::SQRT_2 * (radius + 1.0 / 256.0) * texel;
+    // At a contact the nearest texel's centre lies up to a texel on the wrong side, and the bias of its
+    // slope another; a kernel reaches `radius` farther.
+    let gap = (2.0 + radius) * texel;
+    Some(match case {
+        // The receiver's own plane gives every texel its depth, and rounding is bounded.
+        "lone receivers, directional"
+        | "lone receivers, spot"
+        | "lone receivers, point"
+        | "HC-03 grazing plane"
+        | "HC-03 grazing plane, diagonal" => Holds { bound: 0.0 },
+        "HC-01 A, point light"
+        | "HC-01 B, sun overhead"
+        | "HC-01 C, slanting sun"
+        | "HC-01 B, turned 30 degrees"
+        | "HC-02 light amid the caster" => Holds { bound: reach },
+        "HC-04 thin wall" | "HC-05 cube" => Holds { bound: gap },
+        // Reversed float depth keeps 1 part in 2^23 of the distance; the case needs 1 in 10000.
+        "HC-13 depth precision" => Holds { bound: 0.0 },
+        // The front plate is lit, and so is all of the rear one.
+        "HC-13 depth precision, near caster" => KnownLimit {
+            at_least: 0.5,
+            at_most: 0.5,
+            because: "the lookup bounds the rounding of depth by 4 steps of 2^-24, relative to 1 and not \
+                      to the depth, which this near plane makes 2e-4: 0.6 m at 500 m",
+        },
+        // All f32 positions are relative to an origin near the scene.
+        "HC-14 far from the origin" => Holds { bound: 0.0 },
+        "HC-31 wire below a texel" => wire(radius, size, texel),
+        // The map is fitted to the casters, wherever they are.
+        "HC-40 casters out of view" => Holds { bound: 0.0 },
+        _ => return None,
+    })
+}
+
+/// HC-31: a wire 0.4 ideal texels thick at 30 degrees to the texels' rows, seen under its axis.
+///
+/// A texel is in the map only if its centre lies within half a thickness of the axis, so what is seen is
+/// 1 - w f, with w the wire's thickness in texels and f the density, across the wire, of the kernel about the
+/// sample, at 0. One texel, whose centre lies anywhere within half a texel an axis, has f = 1 / cos 30:
+/// the most that any kernel has. The least of all that fall off from the middle has the one that is even
+/// over the whole reach to either side, radius (cos 30 + sin 30).
+fn wire(radius: f64, size: f64, texel: f64) -> Expectation {
+    let (sin, cos) = 30_f64.to_radians().sin_cos();
+    // The wire is a prism of 8 sides, which from the side is up to a factor cos 22.5 thinner; the map's
+    // texels are larger than ideal ones.
+    let (thick, thin) = (0.4, 0.4 * 22.5_f64.to_radians().cos() / texel);
+    // What is hidden is a mean over the columns of texels that 2.8 m of wire cross, of a map of 20.48 m,
+    // at phases that are spread evenly to within one or two columns. In a column it is at most about twice
+    // the mean.
+    let uneven = 4.0 / (2.8 / 20.48 * size);
+    Expectation::KnownLimit {
+        at_least: 1.0 - thick / cos * (1.0 + uneven),
+        at_most: 1.0 - thin / (2.0 * radius * (sin + cos)) * (1.0 - uneven),
+        because: "a caster thinner than a texel is in the map only where a texel's centre falls on it",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_the_bound_less_than_the_limit_and_nan_are_not_as_expected() {
+        let holds = Expectation::Holds { bound: 1.0 };
+        assert!(holds.is_met_by(0.0) && holds.is_met_by(1.0), "within the bound");
+        assert!(!holds.is_met_by(1.1) && !holds.is_met_by(f64::NAN), "an unexpected failure");
+        let limit = Expectation::KnownLimit { at_least: 0.5, at_most: 0.7, because: "a test" };
+        assert!(limit.is_met_by(0.5) && limit.is_met_by(0.7), "within the limits");
+        assert!(!limit.is_met_by(0.4), "an unexpected success");
+        assert!(!limit.is_met_by(0.8) && !limit.is_met_by(f64::NAN), "an unexpected failure");
+    }
+}

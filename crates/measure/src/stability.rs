@@ -1,0 +1,187 @@
+//! The hard cases: scenes on which shadow techniques are known to fail, each with one number that says how
+//! badly.
+//!
+//! A [`Case`] knows nothing of techniques. What a technique is expected to score stands with the
+//! techniques (`antumbra::Config::expectation`).
+//!
+//! Lengths are counted in texels of an *ideal map*: `map_size` of them a side over exactly the boxes around
+//! the casters, as the light sees them; where they are not square, the longer side counts. A technique
+//! whose map covers more is held to a bound that says so.
+
+mod acne;
+mod edge;
+mod known;
+mod line;
+
+use antumbra_gpu::{Gpu, Technique};
+use antumbra_scene::LightKind;
+
+use crate::MeasureError;
+
+/// A hard case: a scene, and the number by which to judge a technique on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Case {
+    /// Name, unique.
+    pub name: &'static str,
+    /// What it tests.
+    pub about: &'static str,
+    /// What its number is, with the unit. 0 is always right.
+    pub number: &'static str,
+    measure: fn(&Gpu, &mut dyn Technique, u32) -> Result<f64, MeasureError>,
+}
+
+impl Case {
+    /// Runs `technique`, whose maps have `map_size` texels a side, and gives the case's number. NaN, which
+    /// meets no expectation, where there was nothing to judge.
+    ///
+    /// # Errors
+    /// A case that the technique or the device refuses, or an answer that is no visibility.
+    pub fn measure(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+        map_size: u32,
+    ) -> Result<f64, MeasureError> {
+        (self.measure)(gpu, technique, map_size)
+    }
+
+    /// The case of that name, of [`CASES`].
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<&'static Self> {
+        CASES.iter().find(|case| case.name == name)
+    }
+}
+
+const FALSE_SHADOW: &str = "share of the samples facing the light that are not fully lit";
+const FARTHEST: &str = "distance of the farthest wrong sample from the shadow's edge, texels";
+const GAP: &str = "lit strip between caster and shadow, texels";
+const WRONG: &str = "share of wrong samples, none of them near a shadow's edge";
+
+/// All hard cases.
+pub const CASES: &[Case] = &[
+    Case {
+        name: "lone receivers, directional",
+        about: "nothing shadows a convex body that stands alone (sphere, cube, tetrahedron, cylinder)",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| acne::lone_receivers(gpu, technique, LightKind::Directional),
+    },
+    Case {
+        name: "lone receivers, spot",
+        about: "the same in perspective: depth is no longer affine in distance",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| acne::lone_receivers(gpu, technique, LightKind::Spot),
+    },
+    Case {
+        name: "lone receivers, point",
+        about: "the same across the seams of a cube map",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| acne::lone_receivers(gpu, technique, LightKind::Point),
+    },
+    Case {
+        name: "HC-01 A, point light",
+        about: "a level square shadows a floor: nothing is wrong but at the shadow's edge",
+        number: FARTHEST,
+        measure: |gpu, technique, size| edge::square(2, size).farthest_wrong(gpu, technique),
+    },
+    Case {
+        name: "HC-01 B, sun overhead",
+        about: "the same in parallel light",
+        number: FARTHEST,
+        measure: |gpu, technique, size| edge::square(1, size).farthest_wrong(gpu, technique),
+    },
+    Case {
+        name: "HC-01 C, slanting sun",
+        about: "the same in parallel light at 45 degrees",
+        number: FARTHEST,
+        measure: |gpu, technique, size| edge::square(0, size).farthest_wrong(gpu, technique),
+    },
+    Case {
+        name: "HC-01 B, turned 30 degrees",
+        about: "the same with edges that cross the texels' rows at all phases",
+        number: FARTHEST,
+        measure: |gpu, technique, size| edge::turned_square(size).farthest_wrong(gpu, technique),
+    },
+    Case {
+        name: "HC-02 light amid the caster",
+        about: "of a triangle that reaches above the light, only what lies below casts on the floor",
+        number: FARTHEST,
+        measure: |gpu, technique, size| edge::rising_triangle(size).farthest_wrong(gpu, technique),
+    },
+    Case {
+        name: "HC-03 grazing plane",
+        about: "a lone floor lit at 5 degrees: across a texel its depth changes by 11 times the texel's side",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| acne::grazing_plane(gpu, technique, 0.0),
+    },
+    Case {
+        name: "HC-03 grazing plane, diagonal",
+        about: "the same at 45 degrees to the floor's sides",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| {
+            acne::grazing_plane(gpu, technique, std::f64::consts::FRAC_PI_4)
+        },
+    },
+    Case {
+        name: "HC-04 thin wall",
+        about: "a wall of 1 cm keeps the shadow at its foot: what a bias opens there is a leak",
+        number: GAP,
+        measure: line::thin_wall,
+    },
+    Case {
+        name: "HC-05 cube",
+        about: "a closed body keeps the shadow at its foot, for maps of back faces too",
+        number: GAP,
+        measure: line::cube,
+    },
+    Case {
+        name: "HC-13 depth precision",
+        about: "two plates 500 m from a spot light, 5 cm apart: 1 part in 10000 of the distance",
+        number: WRONG,
+        measure: |gpu, technique, size| known::plates(false, size).wrong_share(gpu, technique),
+    },
+    Case {
+        name: "HC-13 depth precision, near caster",
+        about: "the same with a caster 0.1 m from the light and one 1000 m off: nothing to fit to",
+        number: WRONG,
+        measure: |gpu, technique, size| known::plates(true, size).wrong_share(gpu, technique),
+    },
+    Case {
+        name: "HC-14 far from the origin",
+        about: "HC-01 and HC-03 moved by 1e5 m along x and z look the same as at the origin",
+        number: "share of samples that the move changes",
+        measure: |gpu, technique, _| acne::moved(gpu, technique),
+    },
+    Case {
+        name: "HC-31 wire below a texel",
+        about: "a wire of 0.4 texels across the texels' rows at 30 degrees",
+        number: "mean visibility under the wire's axis",
+        measure: line::wire,
+    },
+    Case {
+        name: "HC-40 casters out of view",
+        about: "cubes behind the camera and 30 m above it shadow the floor in view",
+        number: WRONG,
+        measure: |gpu, technique, _| known::cubes_out_of_view().wrong_share(gpu, technique),
+    },
+];
+
+/// The first `count` points of the sequence of Roberts ("The Unreasonable Effectiveness of Quasirandom
+/// Sequences", 2018) in the unit cube: multiples of the powers of 1 / g, g^4 = g + 1, modulo 1.
+fn unit_cube(count: usize) -> impl Iterator<Item = [f64; 3]> {
+    const INVERSE_G: f64 = 0.819_172_513_396_164_4;
+    (1..=count).map(|i| [1, 2, 3].map(|power| (i as f64 * INVERSE_G.powi(power)).fract()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique() {
+        for case in CASES {
+            let same = CASES.iter().filter(|other| other.name == case.name).count();
+            assert_eq!(same, 1, "{}", case.name);
+            assert!(Case::by_name(case.name).is_some(), "{} is found", case.name);
+        }
+    }
+}

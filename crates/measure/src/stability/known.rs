@@ -1,0 +1,98 @@
+//! Samples that are known to be deep in shadow or far out in light: whether a shadow is there at all.
+
+use antumbra_gpu::{Gpu, Technique};
+use antumbra_reference::ViewSample;
+use antumbra_scene::generate::shapes;
+use antumbra_scene::{Light, Scene};
+use glam::{DAffine3, DVec2, DVec3};
+
+use super::unit_cube;
+use crate::{MeasureError, Stage};
+
+/// Samples of each part whose truth is known.
+const SAMPLES: usize = 1 << 13;
+
+/// A scene under a light, with points whose visibility is known.
+pub(super) struct Known {
+    scene: Scene,
+    light: Light,
+    /// Point and normal, world space, and whether the point is lit.
+    points: Vec<(DVec3, DVec3, bool)>,
+}
+
+impl Known {
+    pub(super) fn wrong_share(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+    ) -> Result<f64, MeasureError> {
+        let origin = self.scene.origin();
+        let samples: Vec<ViewSample> = self
+            .points
+            .iter()
+            .map(|(p, n, _)| ViewSample { position: (*p - origin).as_vec3(), normal: n.as_vec3() })
+            .collect();
+        let stage = Stage::at_points(gpu, &self.scene, &samples)?;
+        let shot = stage.shoot(gpu, &self.light, technique, 0)?;
+        let wrong = |((.., lit), v): &(&(DVec3, DVec3, bool), &f32)| (**v > 0.5) != *lit;
+        let count = self.points.iter().zip(&shot.visibility).filter(wrong).count();
+        Ok(count as f64 / self.points.len() as f64)
+    }
+}
+
+/// HC-13: two plates facing a spot light at the origin, at 500 m and 500.05 m. With `more`, casters at 0.1 m
+/// and 1000 m within the cone, beside the plates as the light sees them, leave a fit of the depth range
+/// nothing to gain.
+///
+/// The plates are a millimetre a texel wide, so that all that biases and kernels do to the side, in texels,
+/// is small beside the 5 cm between them, and depth alone decides.
+pub(super) fn plates(more: bool, map_size: u32) -> Known {
+    let half = 0.0005 * f64::from(map_size);
+    // The plate of half side `scale * half * distance / 500` around the direction (x half / 500, 0, -1).
+    let plate = |x: f64, distance: f64, scale: f64| {
+        let unit = half * distance / 500.0;
+        let center = DVec3::new(x * unit, 0.0, -distance);
+        shapes::quad(center, scale * unit * DVec3::X, scale * unit * DVec3::Y)
+    };
+    let mut scene = Scene::default();
+    let mut points = Vec::new();
+    for (distance, lit) in [(500.0, true), (500.05, false)] {
+        scene.add(plate(0.0, distance, 1.0), DAffine3::IDENTITY);
+        // The outer fifth is left to the shadow's edge.
+        points.extend(unit_cube(SAMPLES).map(|[a, b, _]| {
+            let aside = DVec2::new(2.0 * a - 1.0, 2.0 * b - 1.0) * (0.8 * half);
+            (aside.extend(-distance), DVec3::Z, lit)
+        }));
+    }
+    if more {
+        scene.add(plate(1.3, 0.1, 0.1), DAffine3::IDENTITY);
+        scene.add(plate(-1.3, 1000.0, 0.1), DAffine3::IDENTITY);
+    }
+    let direction = DVec3::NEG_Z;
+    let light = Light::Spot { position: DVec3::ZERO, direction, outer_angle: half / 250.0 };
+    Known { scene, light, points }
+}
+
+/// HC-40: the camera stands at (0, 1.7, 0) and looks along -z at an empty floor; the sun shines over its
+/// shoulder at 45 degrees past two cubes of 2 m that it does not see, 10 m and 30 m up.
+pub(super) fn cubes_out_of_view() -> Known {
+    let to_light = DVec3::new(0.0, 1.0, 1.0);
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(12.0), DAffine3::IDENTITY);
+    let mut points = Vec::new();
+    for (x, height) in [(-3.0, 10.0), (3.0, 30.0)] {
+        let shadow = DVec3::new(x, 0.0, -6.0);
+        let center = shadow + to_light * height;
+        scene.add(shapes::cuboid(center - DVec3::ONE, center + DVec3::ONE), DAffine3::IDENTITY);
+        points.extend(unit_cube(SAMPLES).flat_map(|[a, b, _]| {
+            let (sin, cos) = (std::f64::consts::TAU * a).sin_cos();
+            let aside = DVec3::new(sin, 0.0, cos);
+            // A ray that passes the centre by less than 1 m meets the cube; one that passes it by more
+            // than sqrt(3) m, sqrt(6) m along this floor, does not.
+            let dark = shadow + aside * (0.5 * b.sqrt());
+            let lit = shadow + aside * (3.0 + b);
+            [(dark, DVec3::Y, false), (lit, DVec3::Y, true)]
+        }));
+    }
+    Known { scene, light: Light::sun(45_f64.to_radians(), 0.0, 0.0), points }
+}

@@ -1,0 +1,236 @@
+//! A scene under view samples, and what a technique makes of it.
+
+use std::time::Instant;
+
+use antumbra_gpu::{
+    Counters, Frame, Gpu, MeshSet, PassTimes, Recorder, SampleImage, Technique, Timer, ViewSamples,
+    read_f32_texture,
+};
+use antumbra_reference::{Tracer, Truth, TruthOptions, ViewSample};
+use antumbra_scene::{Camera, Light, Scene, Triangles};
+use glam::Vec3;
+
+use crate::MeasureError;
+
+/// A scene seen at its view samples, ready for any light and any technique.
+#[derive(Debug)]
+pub struct Stage {
+    /// The scene's triangles, relative to its origin.
+    pub triangles: Triangles,
+    /// The same on the GPU.
+    pub meshes: MeshSet,
+    /// The view samples on the GPU.
+    pub samples: ViewSamples,
+    /// The same on the CPU.
+    pub image: SampleImage,
+    tracer: Tracer,
+}
+
+/// One technique's answer on a stage under a light.
+#[derive(Clone, Debug, Default)]
+pub struct Shot {
+    /// Visibility of each view sample, row by row.
+    pub visibility: Vec<f32>,
+    /// GPU times of each repetition, pass by pass; empty where the device has no timestamps.
+    pub passes: Vec<PassTimes>,
+    /// GPU milliseconds of each repetition: the sum of its passes, or the wall clock around its submission
+    /// where the device has no timestamps.
+    pub gpu_ms: Vec<f64>,
+    /// CPU milliseconds of each repetition to prepare and record.
+    pub cpu_ms: Vec<f64>,
+    /// Work counters.
+    pub counters: Counters,
+    /// Bytes of GPU memory held.
+    pub bytes: u64,
+}
+
+/// Samples a row of a stage that was given its samples.
+const ROW: usize = 256;
+
+/// Passes of one recording that a shot can time.
+const TIMED_PASSES: u32 = 64;
+
+impl Stage {
+    /// Uploads the scene and draws its view samples for a view of `width` x `height`.
+    ///
+    /// # Errors
+    /// A faulty scene, or a size that the device cannot do.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        camera: Camera,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, MeasureError> {
+        let triangles = scene.triangles(scene.origin())?;
+        let tracer = Tracer::new(&triangles)?;
+        let meshes = MeshSet::from_triangles(gpu, &triangles)?;
+        let samples = ViewSamples::new(gpu, width, height)?;
+        let depth = gpu.create_texture(
+            "view size",
+            &wgpu::TextureDescriptor {
+                label: Some("camera depth"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Depth32Float,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            },
+        )?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        meshes.encode_view_samples(
+            gpu,
+            &mut Recorder::new(&mut encoder),
+            &camera,
+            &depth.create_view(&Default::default()),
+            &samples,
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let image = samples.read(gpu)?;
+        Ok(Self { triangles, meshes, samples, image, tracer })
+    }
+
+    /// Uploads the scene and takes `points` (relative to [`Scene::origin`]) for its view samples, in
+    /// order; the last row is filled up with pixels that show no surface.
+    ///
+    /// # Errors
+    /// A faulty scene, or no points.
+    pub fn at_points(
+        gpu: &Gpu,
+        scene: &Scene,
+        points: &[ViewSample],
+    ) -> Result<Self, MeasureError> {
+        let triangles = scene.triangles(scene.origin())?;
+        let tracer = Tracer::new(&triangles)?;
+        let meshes = MeshSet::from_triangles(gpu, &triangles)?;
+        let rows = points.len().div_ceil(ROW);
+        let (width, height) = (ROW as u32, rows as u32);
+        let samples = ViewSamples::new(gpu, width, height)?;
+        let mut positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
+        let mut normals: Vec<Vec3> = points.iter().map(|p| p.normal).collect();
+        positions.resize(rows * ROW, Vec3::ZERO);
+        normals.resize(rows * ROW, Vec3::ZERO);
+        samples.write(gpu, &positions, &normals)?;
+        let image = SampleImage { width, height, positions, normals };
+        Ok(Self { triangles, meshes, samples, image, tracer })
+    }
+
+    /// The frame of this stage under `light`.
+    #[must_use]
+    pub fn frame<'a>(&'a self, light: &'a Light) -> Frame<'a> {
+        Frame {
+            samples: &self.samples,
+            light,
+            casters: &self.meshes,
+            origin: self.triangles.origin,
+        }
+    }
+
+    /// The ray tracer over the stage's triangles.
+    #[must_use]
+    pub fn tracer(&self) -> &Tracer {
+        &self.tracer
+    }
+
+    /// The view samples as the reference takes them.
+    #[must_use]
+    pub fn view_samples(&self) -> Vec<ViewSample> {
+        let pairs = self.image.positions.iter().zip(&self.image.normals);
+        pairs.map(|(&position, &normal)| ViewSample { position, normal }).collect()
+    }
+
+    /// True visibility of every view sample.
+    #[must_use]
+    pub fn truth(&self, light: &Light, options: &TruthOptions) -> Truth {
+        self.tracer.truth(light, &self.view_samples(), options)
+    }
+
+    /// Runs `technique` once to warm up and then `repeat` times, and reads its answer back.
+    ///
+    /// # Errors
+    /// A light or setting that the technique refuses, a lost device, or any error that wgpu reports.
+    pub fn shoot(
+        &self,
+        gpu: &Gpu,
+        light: &Light,
+        technique: &mut dyn Technique,
+        repeat: u32,
+    ) -> Result<Shot, MeasureError> {
+        let mut session = self.session(gpu)?;
+        let mut shot = Shot::default();
+        session.repeat(gpu, light, technique, &mut shot, false)?;
+        for _ in 0..repeat {
+            session.repeat(gpu, light, technique, &mut shot, true)?;
+        }
+        shot.visibility = session.visibility(gpu)?;
+        shot.counters = technique.counters();
+        shot.bytes = technique.bytes();
+        Ok(shot)
+    }
+
+    /// Room for repeated runs, so that the repetitions of several techniques can be interleaved.
+    ///
+    /// # Errors
+    /// A failed allocation.
+    pub fn session(&self, gpu: &Gpu) -> Result<Session<'_>, MeasureError> {
+        let target = self.samples.visibility_target(gpu)?;
+        let view = target.create_view(&Default::default());
+        Ok(Session { stage: self, target, view, timer: Timer::new(gpu, TIMED_PASSES) })
+    }
+}
+
+/// A visibility target and a timer on a stage.
+#[derive(Debug)]
+pub struct Session<'a> {
+    stage: &'a Stage,
+    target: wgpu::Texture,
+    view: wgpu::TextureView,
+    timer: Option<Timer>,
+}
+
+impl Session<'_> {
+    /// Runs `technique` once; with `keep`, its times are added to `shot`.
+    ///
+    /// # Errors
+    /// As [`Stage::shoot`].
+    pub fn repeat(
+        &mut self,
+        gpu: &Gpu,
+        light: &Light,
+        technique: &mut dyn Technique,
+        shot: &mut Shot,
+        keep: bool,
+    ) -> Result<(), MeasureError> {
+        let frame = self.stage.frame(light);
+        let begin = Instant::now();
+        technique.prepare(gpu, &frame)?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut recorder = Recorder::timed(&mut encoder, self.timer.as_mut());
+        technique.encode(gpu, &frame, &mut recorder, &self.view)?;
+        if let Some(timer) = &self.timer {
+            timer.finish(&mut encoder);
+        }
+        let commands = encoder.finish();
+        let recorded = Instant::now();
+        gpu.queue.submit([commands]);
+        gpu.wait()?;
+        let wall_ms = recorded.elapsed().as_secs_f64() * 1e3;
+        let passes = self.timer.as_mut().map(|t| t.read(gpu)).transpose()?;
+        if keep {
+            shot.cpu_ms.push((recorded - begin).as_secs_f64() * 1e3);
+            shot.gpu_ms.push(passes.as_ref().map_or(wall_ms, PassTimes::total_ms));
+            shot.passes.extend(passes);
+        }
+        Ok(())
+    }
+
+    /// Visibility of the last run, row by row.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn visibility(&self, gpu: &Gpu) -> Result<Vec<f32>, MeasureError> {
+        Ok(read_f32_texture(gpu, &self.target, 0)?)
+    }
+}

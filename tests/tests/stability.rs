@@ -1,0 +1,163 @@
+//! The hard cases: every technique behaves as its table of verdicts says, and the table can be wrong.
+
+use antumbra::{Config, Expectation, Plain, catalogue};
+use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
+use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
+use antumbra_map::{Bias, MapConfig, MapTechnique};
+use antumbra_measure::stability::{CASES, Case};
+use antumbra_scene::Light;
+use antumbra_tests::gpu;
+use glam::DVec3;
+
+/// The catalogue and the widest kernels that people use.
+fn techniques(size: u32) -> Vec<Config> {
+    let mut all = catalogue();
+    all.extend([
+        Config::PcfGrid(PcfGrid { side: 7, ..Default::default() }),
+        Config::PcfBilinearGrid(PcfBilinearGrid { side: 6, ..Default::default() }),
+        Config::PcfCastano(PcfCastano { side: 7, ..Default::default() }),
+        Config::PcfCastano(PcfCastano { side: 7, hardware: true, ..Default::default() }),
+        Config::PcfPoisson(PcfPoisson { radius: 3.5, ..Default::default() }),
+    ]);
+    for config in &mut all {
+        config.map_mut().size = size;
+    }
+    all
+}
+
+fn measure(gpu: &Gpu, case: &Case, config: &Config, size: u32) -> f64 {
+    let mut technique = config.build(gpu).expect("a valid config");
+    let measured = case.measure(gpu, technique.as_mut(), size);
+    measured.unwrap_or_else(|e| panic!("{}, {config:?}: {e}", case.name))
+}
+
+/// Checks every technique on every case whose name `keep` keeps.
+fn check_all(size: u32, keep: fn(&str) -> bool) {
+    let gpu = gpu();
+    let mut surprises = Vec::new();
+    for case in CASES.iter().filter(|case| keep(case.name)) {
+        for config in techniques(size) {
+            let expected = config.expectation(case.name).expect("an expectation for every case");
+            let measured = measure(&gpu, case, &config, size);
+            if !expected.is_met_by(measured) {
+                surprises.push(format!("{}, {config:?}: {measured}, not {expected:?}", case.name));
+            }
+        }
+    }
+    assert!(surprises.is_empty(), "not as expected:\n{}", surprises.join("\n"));
+}
+
+#[test]
+fn all_is_as_expected_on_small_maps() {
+    check_all(128, |_| true);
+}
+
+#[test]
+fn all_is_as_expected_on_middling_maps() {
+    check_all(1024, |_| true);
+}
+
+#[test]
+fn no_receiver_shadows_itself_on_large_maps() {
+    check_all(4096, |name| name.starts_with("lone receivers") || name.starts_with("HC-03"));
+}
+
+fn case(name: &str) -> &'static Case {
+    Case::by_name(name).unwrap_or_else(|| panic!("a case named {name}"))
+}
+
+#[test]
+fn without_bias_half_of_a_sloped_plane_is_in_false_shadow_and_that_fails() {
+    let map = MapConfig { size: 1024, bias: Bias::NONE };
+    let config = Config::Plain(Plain { map });
+    let case = case("HC-03 grazing plane");
+    let rate = measure(&gpu(), case, &config, 1024);
+    // Each texel is split by its centre's depth: one half.
+    assert!((rate - 0.5).abs() < 0.02, "false shadow on {rate} of the plane");
+    let expected = config.expectation(case.name).expect("an expectation");
+    assert!(!expected.is_met_by(rate), "{rate} passed as {expected:?}");
+}
+
+#[test]
+fn a_bias_too_large_opens_a_gap_and_that_fails() {
+    let bias = Bias { slope: 20.0, receiver_plane: false, ..Bias::default() };
+    let config = Config::Plain(Plain { map: MapConfig { size: 512, bias } });
+    let case = case("HC-04 thin wall");
+    // 20 half texels of the floor's slope (1 at 45 degrees) against a wall that rises by 2 a texel.
+    let gap = measure(&gpu(), case, &config, 512);
+    assert!(gap > 3.0, "{gap} texels");
+    let expected = config.expectation(case.name).expect("an expectation");
+    assert!(!expected.is_met_by(gap), "{gap} passed as {expected:?}");
+}
+
+/// A shadow map drawn for a light a little off where it is.
+struct Astray(MapTechnique);
+
+impl Astray {
+    fn light(light: &Light) -> Light {
+        let aside = DVec3::new(0.1, 0.0, 0.1);
+        match *light {
+            Light::Directional { direction, angular_diameter } => {
+                let direction = (direction + aside).normalize();
+                Light::Directional { direction, angular_diameter }
+            }
+            other => other.translated(aside),
+        }
+    }
+}
+
+impl Technique for Astray {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        self.0.prepare(gpu, &Frame { light: &Self::light(frame.light), ..*frame })
+    }
+
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        visibility: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
+        let light = Self::light(frame.light);
+        self.0.encode(gpu, &Frame { light: &light, ..*frame }, recorder, visibility)
+    }
+
+    fn counters(&self) -> Counters {
+        self.0.counters()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.0.bytes()
+    }
+}
+
+#[test]
+fn shadows_in_the_wrong_place_fail() {
+    let (gpu, size) = (gpu(), 1024);
+    let map = MapConfig { size, ..MapConfig::default() };
+    let mut technique = Astray(MapTechnique::plain(&gpu, &map).expect("a valid config"));
+    let config = Config::Plain(Plain { map });
+    for case in CASES.iter().filter(|c| ["HC-01", "HC-02", "HC-40"].contains(&&c.name[..5])) {
+        let measured = case.measure(&gpu, &mut technique, size).expect("measured");
+        let expected = config.expectation(case.name).expect("an expectation");
+        assert!(!expected.is_met_by(measured), "{}: {measured} passed as {expected:?}", case.name);
+    }
+}
+
+#[test]
+fn to_cure_a_known_limit_is_as_unexpected_as_to_fall_short_of_it() {
+    let limits = CASES.iter().flat_map(|case| {
+        let all = techniques(1024).into_iter();
+        all.map(|config| config.expectation(case.name).expect("an expectation for every case"))
+    });
+    let mut count = 0;
+    for limit in limits {
+        if let Expectation::KnownLimit { at_least, at_most, .. } = limit {
+            count += 1;
+            assert!(!limit.is_met_by(0.0), "a success passed as {limit:?}");
+            assert!(!limit.is_met_by(1.0), "the worst of failures passed as {limit:?}");
+            assert!(at_least <= at_most, "no number can meet {limit:?}");
+        }
+    }
+    assert!(count > 0, "the table has no known limit");
+}

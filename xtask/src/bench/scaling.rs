@@ -1,0 +1,163 @@
+//! The scaling suite: error and time against the size of the map, and against the side of a filter.
+
+use antumbra::Config;
+use antumbra_gpu::Gpu;
+use antumbra_measure::{Shot, Stage};
+use antumbra_reference::{Comparison, Truth, TruthOptions};
+use antumbra_scene::Light;
+use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane};
+use anyhow::Context as _;
+use glam::DAffine3;
+use indicatif::ProgressBar;
+
+use super::plan::{Entry, Plan, Subject};
+use crate::results::{ScalingCurve, ScalingPoint, Spread};
+
+/// Sides of the map, texels.
+const MAP_SIZES: [u32; 6] = [128, 256, 512, 1024, 2048, 4096];
+/// Sides of the regular PCF kernel, texels.
+const KERNEL_SIDES: [u32; 7] = [1, 2, 3, 5, 7, 11, 15];
+
+/// One parameter of some techniques, and its values.
+struct Sweep {
+    parameter: &'static str,
+    values: &'static [u32],
+    set: fn(&mut Config, u32),
+    entries: Vec<Entry>,
+}
+
+fn sweeps(plan: &Plan) -> Vec<Sweep> {
+    let map_size = Sweep {
+        parameter: "map_size",
+        values: &MAP_SIZES,
+        set: |config, size| config.map_mut().size = size,
+        entries: plan.techniques.clone(),
+    };
+    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
+    let kernel_side = Sweep {
+        parameter: "kernel_side",
+        values: &KERNEL_SIDES,
+        set: |config, side| {
+            if let Config::PcfGrid(grid) = config {
+                grid.side = side;
+            }
+        },
+        // Variants of the kernel differ in nothing but its side.
+        entries: plan.techniques.iter().find(is_grid).cloned().into_iter().collect(),
+    };
+    [map_size, kernel_side].into_iter().filter(|s| !s.entries.is_empty()).collect()
+}
+
+/// The scene where none is asked for: one straight shadow edge. The caster is 10 m deep, not 100, because the
+/// map is fitted to it, and turned by 20 degrees, because an edge along the texels' rows would have no error
+/// at all where the fit lays it between two of them, as it does at the window's border.
+pub(super) fn subject() -> Subject {
+    let numbers = HalfPlaneOverPlane { extent: 10.0, ..HalfPlaneOverPlane::default() };
+    let mut scene = half_plane_over_plane(&numbers);
+    for instance in scene.instances.iter_mut().filter(|i| i.name == "half-plane") {
+        instance.transform = DAffine3::from_rotation_y(20_f64.to_radians());
+    }
+    Subject {
+        name: "half-plane, 10 m, turned".to_owned(),
+        slug: "half-plane-turned".to_owned(),
+        scene,
+    }
+}
+
+/// Steps of the progress bar.
+pub(super) fn steps(plan: &Plan) -> usize {
+    let points = |sweep: &Sweep| sweep.values.len() * sweep.entries.len();
+    plan.scenes.len() * plan.lights.len() * sweeps(plan).iter().map(points).sum::<usize>()
+}
+
+/// Measures every curve of the plan.
+pub(super) fn measure(
+    gpu: &Gpu,
+    plan: &Plan,
+    progress: &ProgressBar,
+) -> anyhow::Result<Vec<ScalingCurve>> {
+    let [width, height] = plan.settings.size;
+    let options = TruthOptions {
+        light_samples: plan.settings.light_samples,
+        ties: true,
+        ..TruthOptions::default()
+    };
+    let mut curves = Vec::new();
+    for subject in &plan.scenes {
+        let camera = subject.scene.camera_or_framing();
+        let stage = Stage::new(gpu, &subject.scene, camera, width, height)
+            .with_context(|| subject.name.clone())?;
+        for kind in &plan.lights {
+            let light = subject.scene.light_or_placed(*kind);
+            let truth = stage.truth(&light, &options);
+            for sweep in sweeps(plan) {
+                let what = format!("{} · {} · {}", subject.name, kind.name(), sweep.parameter);
+                progress.set_message(what.clone());
+                let mut group: Vec<ScalingCurve> = sweep
+                    .entries
+                    .iter()
+                    .map(|entry| ScalingCurve {
+                        scene: subject.name.clone(),
+                        light,
+                        technique: entry.name.clone(),
+                        parameter: sweep.parameter.to_owned(),
+                        points: Vec::new(),
+                    })
+                    .collect();
+                for value in sweep.values {
+                    let mut configs: Vec<Config> = sweep.entries.iter().map(|e| e.config).collect();
+                    configs.iter_mut().for_each(|config| (sweep.set)(config, *value));
+                    let shots = shoot(gpu, plan, &stage, &light, &configs)
+                        .with_context(|| format!("{what} {value}"))?;
+                    for (curve, shot) in group.iter_mut().zip(&shots) {
+                        curve.points.push(point(*value, shot, &truth, width)?);
+                        progress.inc(1);
+                    }
+                }
+                curves.extend(group);
+            }
+        }
+    }
+    Ok(curves)
+}
+
+/// Runs the techniques in turn, again and again, so that whatever else the machine does hits all alike.
+fn shoot(
+    gpu: &Gpu,
+    plan: &Plan,
+    stage: &Stage,
+    light: &Light,
+    configs: &[Config],
+) -> anyhow::Result<Vec<Shot>> {
+    let mut session = stage.session(gpu)?;
+    let mut techniques = configs.iter().map(|c| c.build(gpu)).collect::<Result<Vec<_>, _>>()?;
+    let mut shots = vec![Shot::default(); techniques.len()];
+    for round in 0..=plan.settings.repeat {
+        for (technique, shot) in techniques.iter_mut().zip(&mut shots) {
+            // The first round warms up: pipelines compile on first use.
+            session.repeat(gpu, light, technique.as_mut(), shot, round > 0)?;
+            if round == 0 {
+                shot.visibility = session.visibility(gpu)?;
+                shot.bytes = technique.bytes();
+            }
+        }
+    }
+    Ok(shots)
+}
+
+fn point(value: u32, shot: &Shot, truth: &Truth, width: u32) -> anyhow::Result<ScalingPoint> {
+    let comparison = Comparison {
+        estimate: &shot.visibility,
+        reference: &truth.visibility,
+        classes: &truth.class,
+        width: width as usize,
+    };
+    let metrics = comparison.metrics()?;
+    Ok(ScalingPoint {
+        value: value.into(),
+        mean_abs: Some(metrics.mean_abs),
+        rmse: Some(metrics.rmse),
+        gpu_ms: Spread::of(&shot.gpu_ms).map(|s| s.median),
+        bytes: Some(shot.bytes),
+    })
+}
