@@ -16,28 +16,9 @@ pub use permutations::{
     Permutation, castano_constants, castano_core, permutations, poisson_constants,
 };
 
-/// Every module: its path below the package (`common::lookup`) and its source.
-pub const MODULES: &[(&str, &str)] = &[
-    ("common::compare_map", include_str!("../common/compare_map.wesl")),
-    ("common::depth_map", include_str!("../common/depth_map.wesl")),
-    ("common::lookup", include_str!("../common/lookup.wesl")),
-    ("filter::hardware", include_str!("../filter/hardware.wesl")),
-    ("filter::hardware_castano", include_str!("../filter/hardware_castano.wesl")),
-    ("filter::kernel::box", include_str!("../filter/kernel/box.wesl")),
-    ("filter::kernel::castano", include_str!("../filter/kernel/castano.wesl")),
-    ("filter::kernel::tent", include_str!("../filter/kernel/tent.wesl")),
-    ("filter::poisson", include_str!("../filter/poisson.wesl")),
-    ("filter::separable", include_str!("../filter/separable.wesl")),
-    ("gpu::light_depth", include_str!("../gpu/light_depth.wesl")),
-    ("gpu::probe", include_str!("../gpu/probe.wesl")),
-    ("gpu::unproject", include_str!("../gpu/unproject.wesl")),
-    ("gpu::view_samples", include_str!("../gpu/view_samples.wesl")),
-    ("map::layout_cube", include_str!("../map/layout_cube.wesl")),
-    ("map::layout_single", include_str!("../map/layout_single.wesl")),
-    ("map::nearest", include_str!("../map/nearest.wesl")),
-    ("map::resolve", include_str!("../map/resolve.wesl")),
-    ("map::shadow", include_str!("../map/shadow.wesl")),
-];
+// Every module: its path below the package (`common::lookup`) and its source; made by build.rs of the
+// files that there are.
+include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
 /// What a slot is bound to.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]

@@ -22,7 +22,7 @@ fn techniques(size: u32) -> Vec<Config> {
         Config::PcfPoisson(PcfPoisson { taps: 1, radius: 0.0, ..Default::default() }),
     ]);
     for config in &mut all {
-        config.map_mut().size = size;
+        config.set_map_size(size);
     }
     all
 }
@@ -182,8 +182,13 @@ fn seams_of_the_cube_are_no_worse_than_the_middle_of_its_faces() {
     let positions: Vec<Vec3> = receivers.iter().map(|r| r.position).collect();
     let normals: Vec<Vec3> = receivers.iter().map(|r| r.normal).collect();
     samples.write(&gpu, &positions, &normals).expect("lists that fit");
-    let frame =
-        Frame { samples: &samples, light: &light, casters: &meshes, origin: meshes.origin() };
+    let frame = Frame {
+        samples: &samples,
+        camera: None,
+        light: &light,
+        casters: &meshes,
+        origin: meshes.origin(),
+    };
     for config in techniques(1024) {
         let mut technique = config.build(&gpu).expect("a valid config");
         let visibility = run(&gpu, &frame, technique.as_mut());
@@ -285,6 +290,7 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
             let light = generate::cube_on_floor().place_light(kind);
             let frame = Frame {
                 samples: &samples,
+                camera: None,
                 light: &light,
                 casters: &meshes,
                 origin: meshes.origin(),
@@ -331,7 +337,8 @@ fn a_steady_frame_allocates_nothing() {
     let scene = scene();
     let stage = stage(&gpu, &scene);
     let map = MapConfig { size: 512, ..MapConfig::default() };
-    let grid = PcfGrid { map, ..Default::default() }.technique(&gpu).expect("a valid config");
+    let estimator = PcfGrid::default().estimator().expect("a valid config");
+    let grid = MapTechnique::new(&gpu, &map, estimator).expect("a valid config");
     let plain = MapTechnique::plain(&gpu, &map).expect("a valid config");
     for mut technique in [grid, plain] {
         for light in lights(&scene) {

@@ -5,7 +5,7 @@ use antumbra::catalogue;
 use antumbra_filter::{PcfCastano, PcfGrid, PcfHardware};
 use antumbra_gpu::{
     DepthCamera, DepthSamples, Frame, Gpu, GpuError, GpuOptions, MeshSet, Recorder, Technique,
-    ViewSamples, bind, read_f32_texture,
+    ViewCamera, ViewSamples, bind, read_f32_texture,
 };
 use antumbra_map::{
     Bias, DepthConvention, Estimator, FittedView, Layout, MapConfig, MapTechnique, Resolve,
@@ -78,7 +78,7 @@ fn maps_of_one_or_two_texels_give_finite_visibility() {
         for kind in LightKind::ALL {
             let light = scene.place_light(kind);
             for mut config in catalogue() {
-                config.map_mut().size = size;
+                config.set_map_size(size);
                 let mut technique = config.build(&gpu).expect("a valid size");
                 let visibility = shoot(&gpu, &stage, &light, technique.as_mut());
                 let fine = visibility.iter().all(|v| (0.0..=1.0).contains(v));
@@ -94,29 +94,28 @@ fn unusable_settings_are_refused_with_a_fix() {
     let gpu = gpu();
     let limit = gpu.device.limits().max_texture_dimension_2d;
     for mut config in catalogue() {
-        let mut build = |map: MapConfig| {
-            *config.map_mut() = map;
+        let mut build = |size| {
+            config.set_map_size(size);
             config.build(&gpu).map(|_| ())
         };
-        let with_size = |size| MapConfig { size, ..MapConfig::default() };
-        let none = build(with_size(0));
+        let none = build(0);
         assert!(matches!(none, Err(GpuError::Invalid { what: "map size", .. })), "{none:?}");
         for size in [limit + 1, u32::MAX] {
-            let huge = build(with_size(size));
+            let huge = build(size);
             let expected =
                 GpuError::Limit { what: "map size", asked: size.into(), limit: limit.into() };
             assert_eq!(huge, Err(expected), "a map of {size} texels a side");
         }
-        for number in [f32::NAN, f32::INFINITY, -1.0] {
-            let usual = Bias::default();
-            for bias in [
-                Bias { slope: number, ..usual },
-                Bias { cone: number, ..usual },
-                Bias { constant: number, ..usual },
-            ] {
-                let refused = build(MapConfig { size: 64, bias });
-                assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{bias:?}: {refused:?}");
-            }
+    }
+    for number in [f32::NAN, f32::INFINITY, -1.0] {
+        let usual = Bias::default();
+        for bias in [
+            Bias { slope: number, ..usual },
+            Bias { cone: number, ..usual },
+            Bias { constant: number, ..usual },
+        ] {
+            let refused = MapTechnique::plain(&gpu, &MapConfig { size: 64, bias }).map(|_| ());
+            assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{bias:?}: {refused:?}");
         }
     }
     assert_eq!(gpu.check(), Ok(()), "nothing reached wgpu");
@@ -227,7 +226,8 @@ fn a_camera_that_cannot_be_inverted_is_refused() {
     let depth = texture(&gpu, wgpu::TextureFormat::Depth32Float, 4, 1);
     let depth = depth.create_view(&Default::default());
     for clip in [DMat4::ZERO, DMat4::NAN] {
-        let camera = DepthCamera { clip, eye: DVec3::ZERO, background: 0.0 };
+        let view = ViewCamera { clip, eye: DVec3::ZERO };
+        let camera = DepthCamera { view, background: 0.0 };
         submit(&gpu, |recorder| {
             let refused = pass.encode(&gpu, recorder, &camera, &depth, None, &samples);
             assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{clip}: {refused:?}");
@@ -436,16 +436,10 @@ fn samples_from_depth(gpu: &Gpu, scene: &Scene, stage: &Stage, with_normals: boo
     let scratch = ViewSamples::new(gpu, width, height).expect("a valid size");
     let samples = ViewSamples::new(gpu, width, height).expect("a valid size");
     let pass = DepthSamples::new(gpu).expect("the pass");
-    let origin = stage.triangles.origin;
-    let aspect = f64::from(width) / f64::from(height);
-    let viewer = scene.camera_or_framing();
-    let camera = DepthCamera {
-        clip: viewer.view_projection(origin, aspect),
-        eye: viewer.eye - origin,
-        background: 0.0,
-    };
+    let view = stage.meshes.view_camera(&scene.camera_or_framing(), (width, height));
+    let camera = DepthCamera { view, background: 0.0 };
     submit(gpu, |recorder| {
-        stage.meshes.encode_view_samples(gpu, recorder, &viewer, &depth, &scratch);
+        stage.meshes.encode_view_samples(gpu, recorder, &view, &depth, &scratch);
         let normals = with_normals.then_some(&stage.samples.normals_view);
         pass.encode(gpu, recorder, &camera, &depth, normals, &samples).expect("a valid camera");
     });
@@ -524,7 +518,7 @@ fn lone_receivers_seen_through_a_depth_buffer_have_no_acne() {
                 let light = scene.place_light(kind);
                 for size in [128, 1024] {
                     for mut config in catalogue() {
-                        config.map_mut().size = size;
+                        config.set_map_size(size);
                         let mut technique = config.build(&gpu).expect("a valid config");
                         let frame = Frame { samples: &samples, ..stage.frame(&light) };
                         let target = samples.visibility_target(&gpu).expect("a target");

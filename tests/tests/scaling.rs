@@ -1,7 +1,7 @@
 //! How error and work grow with the parameters, where theory says how.
 
 use antumbra_filter::PcfGrid;
-use antumbra_gpu::Gpu;
+use antumbra_gpu::{Gpu, TechniqueConfig as _};
 use antumbra_map::{MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::ViewSample;
@@ -74,8 +74,8 @@ fn fetches_grow_with_the_square_of_the_kernel() {
     let stage = Stage::at_points(&gpu, &scene(), &around_the_edge(&light)).expect("a stage");
     let map = MapConfig { size: 256, ..MapConfig::default() };
     for side in [1, 2, 3, 5, 7, 15] {
-        let mut technique = PcfGrid { map, side }.technique(&gpu).expect("a valid config");
-        let counters = stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").counters;
+        let mut technique = PcfGrid { map, side }.build(&gpu).expect("a valid config");
+        let counters = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot").counters;
         let expected = (SIDE * SIDE) as u64 * u64::from(side).pow(2);
         assert_eq!(counters["fetches"], expected, "a kernel of {side} x {side}");
     }

@@ -1,9 +1,9 @@
 //! The hard cases: every technique behaves as its table of verdicts says, and the table can be wrong.
 
-use antumbra::{Config, Expectation, Plain, catalogue};
+use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
-use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
-use antumbra_map::{Bias, MapConfig, MapTechnique};
+use antumbra_gpu::{Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique};
+use antumbra_map::{Bias, MapConfig, MapTechnique, Plain};
 use antumbra_measure::stability::{CASES, Case};
 use antumbra_scene::Light;
 use antumbra_tests::gpu;
@@ -20,7 +20,7 @@ fn techniques(size: u32) -> Vec<Config> {
         Config::PcfPoisson(PcfPoisson { radius: 3.5, ..Default::default() }),
     ]);
     for config in &mut all {
-        config.map_mut().size = size;
+        config.set_map_size(size);
     }
     all
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 fn metadata() -> Value {
     let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--locked", "--offline"])
+        .args(["metadata", "--format-version", "1", "--locked"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .expect("cargo runs");
@@ -23,7 +23,11 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("antumbra-gpu", &["antumbra-scene", "antumbra-shaders"]),
     ("antumbra-map", &["antumbra-gpu", "antumbra-scene", "antumbra-shaders"]),
     ("antumbra-filter", &["antumbra-gpu", "antumbra-map", "antumbra-shaders"]),
-    ("antumbra", &["antumbra-filter", "antumbra-gpu", "antumbra-map", "antumbra-scene"]),
+    ("antumbra-volume", &["antumbra-gpu", "antumbra-shaders"]),
+    (
+        "antumbra",
+        &["antumbra-filter", "antumbra-gpu", "antumbra-map", "antumbra-scene", "antumbra-volume"],
+    ),
     (
         "antumbra-measure",
         &["antumbra", "antumbra-gpu", "antumbra-map", "antumbra-reference", "antumbra-scene"],

@@ -115,7 +115,7 @@ fn table(mark: &str, docs: &Path) -> anyhow::Result<String> {
     ensure!(!runs.is_empty(), "`{mark}` selects no run of {}", file.display());
 
     let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
-    let titles: Vec<_> = shown.iter().map(|c| c.title.as_ref()).collect();
+    let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
     let mut text = format!("\n| scene | light | technique | {} |\n", titles.join(" | "));
     text += &format!("|---|---|---|{}\n", "--:|".repeat(shown.len()));
     for run in runs {

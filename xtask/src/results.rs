@@ -255,6 +255,8 @@ pub(crate) enum Expected {
     Holds,
     /// It fails, within the bound.
     KnownLimit,
+    /// It answers with an error.
+    Refuses,
 }
 
 /// Error and time of one technique against one parameter.

@@ -69,7 +69,7 @@ fn stability(cases: &[StabilityCase]) -> String {
         return String::new();
     }
     let mut table = empty_table();
-    table.set_header(["case", "hold", "known limit", "FAILED", "measured"]);
+    table.set_header(["case", "hold", "known limit", "refused", "FAILED", "measured"]);
     for group in cases.chunk_by(|a, b| a.case == b.case) {
         let count = |pass: bool, expected: &[Expected]| {
             let is = |c: &&StabilityCase| c.pass == pass && expected.contains(&c.expected);
@@ -86,7 +86,8 @@ fn stability(cases: &[StabilityCase]) -> String {
             Cell::new(&group[0].case),
             right(count(true, &[Expected::Holds])),
             right(count(true, &[Expected::KnownLimit])),
-            right(count(false, &[Expected::Holds, Expected::KnownLimit])),
+            right(count(true, &[Expected::Refuses])),
+            right(count(false, &[Expected::Holds, Expected::KnownLimit, Expected::Refuses])),
             right(range),
         ]);
     }

@@ -15,7 +15,8 @@ const MANIFEST: &str = "VkLayer_khronos_validation.json";
 /// installed, says so and passes.
 pub(crate) fn run() -> anyhow::Result<()> {
     let there = || layer_folders().iter().any(|f| f.join(MANIFEST).is_file());
-    if !there() && !(provision::install_if_allowed(&[PACKAGE])? && there()) {
+    let ready = there() || (provision::install_if_allowed(&[PACKAGE])? && there());
+    if !ready {
         println!(
             "Not checked: the Khronos validation layer is not installed ({PACKAGE} on Debian)."
         );

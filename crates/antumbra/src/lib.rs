@@ -26,8 +26,14 @@
 //! let config: Config = serde_json::from_str(r#"{ "technique": "filter/pcf-grid", "side": 5 }"#)?;
 //! let mut shadows = config.build(&gpu)?;
 //!
-//! let frame =
-//!     Frame { samples: &samples, light: &light, casters: &meshes, origin: meshes.origin() };
+//! let camera = meshes.view_camera(&camera, samples.size());
+//! let frame = Frame {
+//!     samples: &samples,
+//!     camera: Some(camera),
+//!     light: &light,
+//!     casters: &meshes,
+//!     origin: meshes.origin(),
+//! };
 //! let mut encoder = gpu.device.create_command_encoder(&Default::default());
 //! let mut recorder = Recorder::new(&mut encoder);
 //! meshes.encode_view_samples(&gpu, &mut recorder, &camera, &depth, &samples);
@@ -38,132 +44,103 @@
 //! # }
 //! ```
 
-mod expectation;
-
-use antumbra_gpu::{Gpu, GpuError, Technique};
+use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use serde::{Deserialize, Serialize};
 
 pub use antumbra_gpu as gpu;
 pub use antumbra_map as map;
 pub use antumbra_scene as scene;
-pub use expectation::Expectation;
 
 #[cfg(feature = "filter")]
 pub use antumbra_filter as filter;
 
-use antumbra_map::{MapConfig, MapTechnique};
+#[cfg(feature = "volume")]
+pub use antumbra_volume as volume;
 
-/// Any technique, with its settings. In serialised form the technique's id is the tag:
-/// `{"technique": "filter/pcf-grid", "side": 5}`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "technique")]
-#[non_exhaustive]
-pub enum Config {
+/// Makes [`Config`] of a list of techniques, one line each: name, settings and id.
+macro_rules! techniques {
+    ($($(#[cfg($cfg:meta)])? #[doc = $about:literal] $name:ident($settings:ty) = $id:literal,)*) => {
+        /// Any technique, with its settings. In serialised form the technique's id is the tag:
+        /// `{"technique": "filter/pcf-grid", "side": 5}`.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "technique")]
+        #[non_exhaustive]
+        pub enum Config {
+            $($(#[cfg($cfg)])? #[doc = $about] #[serde(rename = $id)] $name($settings),)*
+        }
+
+        /// Every technique with its published defaults.
+        #[must_use]
+        pub fn catalogue() -> Vec<Config> {
+            vec![$($(#[cfg($cfg)])? Config::$name(Default::default()),)*]
+        }
+
+        impl Config {
+            /// The technique's id, `family/name`.
+            #[must_use]
+            pub fn id(&self) -> &'static str {
+                match self {
+                    $($(#[cfg($cfg)])? Self::$name(_) => $id,)*
+                }
+            }
+
+            /// The technique's settings.
+            #[must_use]
+            pub fn settings(&self) -> &dyn TechniqueConfig {
+                match self {
+                    $($(#[cfg($cfg)])? Self::$name(settings) => settings,)*
+                }
+            }
+
+            /// As [`Config::settings`], to be changed.
+            pub fn settings_mut(&mut self) -> &mut dyn TechniqueConfig {
+                match self {
+                    $($(#[cfg($cfg)])? Self::$name(settings) => settings,)*
+                }
+            }
+        }
+    };
+}
+
+techniques! {
     /// The plain shadow map.
-    #[serde(rename = "map/plain")]
-    Plain(Plain),
-    /// Regular PCF.
+    Plain(antumbra_map::Plain) = "map/plain",
     #[cfg(feature = "filter")]
-    #[serde(rename = "filter/pcf-grid")]
-    PcfGrid(antumbra_filter::PcfGrid),
     /// Bilinear comparison in hardware.
+    PcfHardware(antumbra_filter::PcfHardware) = "filter/pcf-hardware",
     #[cfg(feature = "filter")]
-    #[serde(rename = "filter/pcf-hardware")]
-    PcfHardware(antumbra_filter::PcfHardware),
+    /// Regular PCF.
+    PcfGrid(antumbra_filter::PcfGrid) = "filter/pcf-grid",
+    #[cfg(feature = "filter")]
     /// A grid of bilinear taps.
+    PcfBilinearGrid(antumbra_filter::PcfBilinearGrid) = "filter/pcf-bilinear-grid",
     #[cfg(feature = "filter")]
-    #[serde(rename = "filter/pcf-bilinear-grid")]
-    PcfBilinearGrid(antumbra_filter::PcfBilinearGrid),
     /// Castano's kernels.
+    PcfCastano(antumbra_filter::PcfCastano) = "filter/pcf-castano",
     #[cfg(feature = "filter")]
-    #[serde(rename = "filter/pcf-castano")]
-    PcfCastano(antumbra_filter::PcfCastano),
     /// A turned Poisson disc.
-    #[cfg(feature = "filter")]
-    #[serde(rename = "filter/pcf-poisson")]
-    PcfPoisson(antumbra_filter::PcfPoisson),
-}
-
-/// The plain shadow map: one texel, one comparison (Williams 1978).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Plain {
-    /// The shadow map.
-    pub map: MapConfig,
-}
-
-/// Every technique with its published defaults.
-#[must_use]
-pub fn catalogue() -> Vec<Config> {
-    vec![
-        Config::Plain(Plain::default()),
-        #[cfg(feature = "filter")]
-        Config::PcfHardware(Default::default()),
-        #[cfg(feature = "filter")]
-        Config::PcfGrid(Default::default()),
-        #[cfg(feature = "filter")]
-        Config::PcfBilinearGrid(Default::default()),
-        #[cfg(feature = "filter")]
-        Config::PcfCastano(Default::default()),
-        #[cfg(feature = "filter")]
-        Config::PcfPoisson(Default::default()),
-    ]
+    PcfPoisson(antumbra_filter::PcfPoisson) = "filter/pcf-poisson",
 }
 
 impl Config {
-    /// The technique's id, `family/name`.
-    #[must_use]
-    pub fn id(&self) -> &'static str {
-        match self {
-            Self::Plain(_) => "map/plain",
-            #[cfg(feature = "filter")]
-            Self::PcfGrid(_) => "filter/pcf-grid",
-            #[cfg(feature = "filter")]
-            Self::PcfHardware(_) => "filter/pcf-hardware",
-            #[cfg(feature = "filter")]
-            Self::PcfBilinearGrid(_) => "filter/pcf-bilinear-grid",
-            #[cfg(feature = "filter")]
-            Self::PcfCastano(_) => "filter/pcf-castano",
-            #[cfg(feature = "filter")]
-            Self::PcfPoisson(_) => "filter/pcf-poisson",
-        }
-    }
-
-    /// The settings of the shadow map under the technique.
-    pub fn map_mut(&mut self) -> &mut MapConfig {
-        match self {
-            Self::Plain(c) => &mut c.map,
-            #[cfg(feature = "filter")]
-            Self::PcfGrid(c) => &mut c.map,
-            #[cfg(feature = "filter")]
-            Self::PcfHardware(c) => &mut c.map,
-            #[cfg(feature = "filter")]
-            Self::PcfBilinearGrid(c) => &mut c.map,
-            #[cfg(feature = "filter")]
-            Self::PcfCastano(c) => &mut c.map,
-            #[cfg(feature = "filter")]
-            Self::PcfPoisson(c) => &mut c.map,
-        }
-    }
-
     /// Builds the technique.
     ///
     /// # Errors
     /// A setting out of range or beyond the device's limits; the error says the fix.
     pub fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        Ok(match self {
-            Self::Plain(c) => Box::new(MapTechnique::plain(gpu, &c.map)?),
-            #[cfg(feature = "filter")]
-            Self::PcfGrid(c) => Box::new(c.technique(gpu)?),
-            #[cfg(feature = "filter")]
-            Self::PcfHardware(c) => Box::new(c.technique(gpu)?),
-            #[cfg(feature = "filter")]
-            Self::PcfBilinearGrid(c) => Box::new(c.technique(gpu)?),
-            #[cfg(feature = "filter")]
-            Self::PcfCastano(c) => Box::new(c.technique(gpu)?),
-            #[cfg(feature = "filter")]
-            Self::PcfPoisson(c) => Box::new(c.technique(gpu)?),
-        })
+        self.settings().build(gpu)
+    }
+
+    /// Sets the side of the technique's maps, texels. Without a map there is nothing to set.
+    pub fn set_map_size(&mut self, size: u32) {
+        self.settings_mut().set_map_size(size);
+    }
+
+    /// What theory says of the technique, with these settings, on the hard case of that name; `None` for a
+    /// case of which nobody has said.
+    #[must_use]
+    pub fn expectation(&self, case: &str) -> Option<Expectation> {
+        self.settings().expectation(case)
     }
 }
 
@@ -174,7 +151,7 @@ mod tests {
     #[test]
     fn every_config_survives_its_serialised_form_under_its_id() {
         for config in catalogue() {
-            let value = serde_json::to_value(config).expect("configs serialise");
+            let value = serde_json::to_value(&config).expect("configs serialise");
             assert_eq!(value["technique"], config.id(), "the tag is the id");
             let back: Config = serde_json::from_value(value).expect("and come back");
             assert_eq!(back, config, "unchanged");

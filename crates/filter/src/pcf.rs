@@ -1,7 +1,7 @@
 //! The percentage-closer filters, one config each.
 
-use antumbra_gpu::{Gpu, GpuError};
-use antumbra_map::{Estimator, MapConfig, MapTechnique};
+use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
+use antumbra_map::{Estimator, MapConfig, MapTechnique, expectation};
 use antumbra_shaders::{Slot, castano_constants, castano_core, module, poisson_constants, source};
 use serde::{Deserialize, Serialize};
 
@@ -107,13 +107,19 @@ impl PcfGrid {
         let side = check_side(self.side)?;
         Ok(separable(Separable::Box { side }, "filter::kernel::box", side_constant(side)))
     }
+}
 
-    /// The technique.
-    ///
-    /// # Errors
-    /// A setting out of range.
-    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        MapTechnique::new(gpu, &self.map, self.estimator()?)
+impl TechniqueConfig for PcfGrid {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator()?)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -132,13 +138,19 @@ impl PcfHardware {
             fetches: 1,
         }
     }
+}
 
-    /// The technique.
-    ///
-    /// # Errors
-    /// A setting out of range.
-    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        MapTechnique::new(gpu, &self.map, self.estimator())
+impl TechniqueConfig for PcfHardware {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator())?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator(), case)
     }
 }
 
@@ -151,13 +163,19 @@ impl PcfBilinearGrid {
         let side = check_side(self.side)?;
         Ok(separable(Separable::Tent { side }, "filter::kernel::tent", side_constant(side)))
     }
+}
 
-    /// The technique.
-    ///
-    /// # Errors
-    /// A setting out of range.
-    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        MapTechnique::new(gpu, &self.map, self.estimator()?)
+impl TechniqueConfig for PcfBilinearGrid {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator()?)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -184,13 +202,19 @@ impl PcfCastano {
         }
         Ok(estimator)
     }
+}
 
-    /// The technique.
-    ///
-    /// # Errors
-    /// A setting out of range.
-    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        MapTechnique::new(gpu, &self.map, self.estimator()?)
+impl TechniqueConfig for PcfCastano {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator()?)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -221,13 +245,19 @@ impl PcfPoisson {
             fetches: self.taps,
         })
     }
+}
 
-    /// The technique.
-    ///
-    /// # Errors
-    /// A setting out of range.
-    pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        MapTechnique::new(gpu, &self.map, self.estimator()?)
+impl TechniqueConfig for PcfPoisson {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator()?)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator().ok()?, case)
     }
 }
 

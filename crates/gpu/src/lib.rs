@@ -10,6 +10,7 @@
 
 mod context;
 mod error;
+mod expectation;
 mod mesh_set;
 mod pipeline;
 mod probe;
@@ -20,12 +21,16 @@ mod technique;
 
 pub use context::{Gpu, GpuOptions};
 pub use error::GpuError;
+pub use expectation::Expectation;
 pub use mesh_set::MeshSet;
 pub use pipeline::{BindGroupCache, bind, entries};
 pub use probe::{Check, Probe, Verdict, probe};
 pub use readback::{read_buffer, read_f32_texture};
 pub use record::{PassTime, PassTimes, Recorder, Timer};
 pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSamples};
-pub use technique::{Casters, Counters, Drawn, Frame, LightView, Technique, light_view_layout};
+pub use technique::{
+    CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique, TechniqueConfig,
+    ViewCamera, light_view_layout,
+};
 
 pub use wgpu;

@@ -7,8 +7,8 @@ use glam::{DVec3, DVec4, Mat4, Vec4};
 
 use crate::record::depth_attachment;
 use crate::{
-    Casters, Drawn, Gpu, GpuError, LightView, Recorder, ViewSamples, bind, entries,
-    light_view_layout,
+    CasterTriangles, Casters, Drawn, Gpu, GpuError, LightView, Recorder, ViewCamera, ViewSamples,
+    bind, entries, light_view_layout,
 };
 
 /// The triangles of a scene on the GPU.
@@ -18,6 +18,8 @@ pub struct MeshSet {
     origin: DVec3,
     positions: wgpu::Buffer,
     indices: wgpu::Buffer,
+    vertices: u32,
+    triangles: u32,
     depth: wgpu::RenderPipeline,
     samples: wgpu::RenderPipeline,
     camera: wgpu::Buffer,
@@ -115,6 +117,8 @@ impl MeshSet {
             origin: triangles.origin,
             positions,
             indices,
+            vertices: triangles.positions.len() as u32,
+            triangles: triangles.triangles.len() as u32,
             depth: depth_pipeline(gpu)?,
             samples,
             camera,
@@ -135,6 +139,16 @@ impl MeshSet {
         self.origin
     }
 
+    /// `camera` over a view of `size` pixels, relative to the origin of these meshes.
+    #[must_use]
+    pub fn view_camera(&self, camera: &Camera, size: (u32, u32)) -> ViewCamera {
+        let aspect = f64::from(size.0) / f64::from(size.1);
+        ViewCamera {
+            clip: camera.view_projection(self.origin, aspect),
+            eye: camera.eye - self.origin,
+        }
+    }
+
     /// Draws what `camera` sees into `samples`. `depth` is scratch of the same size and of format
     /// `Depth32Float`.
     ///
@@ -143,15 +157,13 @@ impl MeshSet {
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
-        camera: &Camera,
+        camera: &ViewCamera,
         depth: &wgpu::TextureView,
         samples: &ViewSamples,
     ) {
-        let (width, height) = samples.size();
-        let clip = camera.view_projection(self.origin, f64::from(width) / f64::from(height));
         let uniform = CameraUniform {
-            clip: clip.as_mat4().to_cols_array_2d(),
-            eye: (camera.eye - self.origin).as_vec3().extend(1.0).to_array(),
+            clip: camera.clip.as_mat4().to_cols_array_2d(),
+            eye: camera.eye.as_vec3().extend(1.0).to_array(),
         };
         gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&uniform));
         let target = |view| {
@@ -211,6 +223,15 @@ impl Casters for MeshSet {
             drawn.triangles += u64::from((part.indices.end - part.indices.start) / 3);
         }
         drawn
+    }
+
+    fn triangles(&self) -> Option<CasterTriangles<'_>> {
+        Some(CasterTriangles {
+            positions: &self.positions,
+            indices: &self.indices,
+            vertices: self.vertices,
+            triangles: self.triangles,
+        })
     }
 }
 

@@ -1,8 +1,8 @@
 //! View samples: what the camera sees at each pixel.
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
-use crate::{Gpu, GpuError, Recorder, bind, entries, read_f32_texture};
+use crate::{Gpu, GpuError, Recorder, ViewCamera, bind, entries, read_f32_texture};
 
 /// Position and geometric normal of the surface behind each pixel, on the GPU.
 ///
@@ -170,11 +170,8 @@ struct UnprojectUniform {
 /// The camera behind a depth buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthCamera {
-    /// Points relative to the frame's origin to clip space: any perspective or orthographic projection,
-    /// forward or reversed, finite or infinite.
-    pub clip: DMat4,
-    /// Position of the eye relative to the frame's origin, metres.
-    pub eye: DVec3,
+    /// The camera.
+    pub view: ViewCamera,
     /// Depth of pixels that show no surface.
     pub background: f32,
 }
@@ -246,11 +243,12 @@ impl DepthSamples {
         normals: Option<&wgpu::TextureView>,
         samples: &ViewSamples,
     ) -> Result<(), GpuError> {
-        let world = camera.clip.inverse();
+        let ViewCamera { clip, eye } = camera.view;
+        let world = clip.inverse();
         if !world.is_finite() {
             return Err(GpuError::Invalid {
                 what: "camera matrix",
-                value: format!("{}", camera.clip),
+                value: format!("{clip}"),
                 fix: "give an invertible matrix",
             });
         }
@@ -258,12 +256,12 @@ impl DepthSamples {
         // Angle between the centres of the two middle pixels.
         let ray = |x: f64| {
             let p = world.project_point3(DVec3::new(x, 0.0, 0.5));
-            (p - camera.eye).normalize_or_zero()
+            (p - eye).normalize_or_zero()
         };
         let pixel_angle = ray(0.0).angle_between(ray(2.0 / f64::from(width.max(1))));
         let uniform = UnprojectUniform {
             world: world.as_mat4().to_cols_array_2d(),
-            eye: camera.eye.as_vec3().extend(pixel_angle as f32).to_array(),
+            eye: eye.as_vec3().extend(pixel_angle as f32).to_array(),
             depth: [
                 camera.background,
                 SUBPIXEL_STEP,

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use antumbra_scene::Light;
-use glam::{DVec3, Mat4};
+use glam::{DMat4, DVec3, Mat4};
 
-use crate::{Gpu, GpuError, Recorder, ViewSamples};
+use crate::{Expectation, Gpu, GpuError, Recorder, ViewSamples};
 
 /// Deterministic work counters, by name: texels, draws, triangles, tiles, fetches, bytes.
 pub type Counters = BTreeMap<&'static str, u64>;
@@ -15,12 +15,25 @@ pub type Counters = BTreeMap<&'static str, u64>;
 pub struct Frame<'a> {
     /// What the camera sees, relative to `origin`.
     pub samples: &'a ViewSamples,
+    /// The camera that sees them, or `None` where they are points of another kind; techniques that draw
+    /// from the camera then refuse, and those that fit to what is in view fit to all casters.
+    pub camera: Option<ViewCamera>,
     /// The light, in world space.
     pub light: &'a Light,
     /// What casts shadows.
     pub casters: &'a dyn Casters,
     /// World position of the zero of all `f32` positions, metres.
     pub origin: DVec3,
+}
+
+/// The camera behind view samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewCamera {
+    /// Points relative to the frame's origin to clip space: any perspective or orthographic projection,
+    /// forward or reversed, finite or infinite.
+    pub clip: DMat4,
+    /// Position of the eye relative to the frame's origin, metres.
+    pub eye: DVec3,
 }
 
 /// A shadow technique: from a frame to visibility.
@@ -91,6 +104,26 @@ pub trait Casters {
     /// Draws depth into `pass`, which has one depth attachment of `view.format` and no colour. The
     /// pass's viewport is the whole layer. Both faces of every triangle are to be drawn.
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn;
+
+    /// The triangles of all casters, or `None` where the application keeps them to itself: techniques that
+    /// need them then refuse.
+    fn triangles(&self) -> Option<CasterTriangles<'_>> {
+        None
+    }
+}
+
+/// The triangles of casters, for techniques that need more than their depth.
+#[derive(Clone, Copy, Debug)]
+pub struct CasterTriangles<'a> {
+    /// Positions, three `f32` a vertex without padding, relative to the frame's origin, metres. Usages
+    /// `VERTEX` and `STORAGE`.
+    pub positions: &'a wgpu::Buffer,
+    /// Three `u32` vertex indices a triangle. Usages `INDEX` and `STORAGE`.
+    pub indices: &'a wgpu::Buffer,
+    /// Number of vertices.
+    pub vertices: u32,
+    /// Number of triangles.
+    pub triangles: u32,
 }
 
 /// Layout of [`LightView::bind_group`]: binding 0, a `mat4x4f` uniform with a dynamic offset, seen by
@@ -110,4 +143,22 @@ pub fn light_view_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
             count: None,
         }],
     })
+}
+
+/// The settings of a technique: plain data, whose default is what was published.
+pub trait TechniqueConfig {
+    /// Checks the settings and builds the technique.
+    ///
+    /// # Errors
+    /// A setting out of range or beyond the device's limits; the error says the fix.
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError>;
+
+    /// Sets the side of the technique's maps, texels. Without a map there is nothing to set.
+    fn set_map_size(&mut self, size: u32) {
+        let _ = size;
+    }
+
+    /// What theory says of the technique, with these settings and the default bias, on the hard case of that
+    /// name (of `antumbra_measure::stability::CASES`); `None` where nobody has said yet.
+    fn expectation(&self, case: &str) -> Option<Expectation>;
 }

@@ -11,6 +11,7 @@
 
 mod bias;
 mod estimator;
+mod expectation;
 mod fit;
 mod resolve;
 mod shadow_map;
@@ -20,8 +21,9 @@ mod view;
 
 pub use bias::Bias;
 pub use estimator::Estimator;
+pub use expectation::expectation;
 pub use fit::{FittedView, Fitting, fit};
 pub use resolve::Resolve;
 pub use shadow_map::ShadowMap;
-pub use technique::{MapConfig, MapTechnique};
+pub use technique::{MapConfig, MapTechnique, Plain};
 pub use view::{DepthConvention, Layout, ShadowView};

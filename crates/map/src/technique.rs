@@ -1,9 +1,13 @@
 //! A shadow map with an estimator, as a technique.
 
-use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
+use antumbra_gpu::{
+    Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
+};
 use serde::{Deserialize, Serialize};
 
-use crate::{Bias, DepthConvention, Estimator, Layout, Resolve, ShadowMap, ShadowView};
+use crate::{
+    Bias, DepthConvention, Estimator, Layout, Resolve, ShadowMap, ShadowView, expectation,
+};
 
 /// Settings that every technique over a shadow map shares.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +23,28 @@ pub struct MapConfig {
 impl Default for MapConfig {
     fn default() -> Self {
         Self { size: 2048, bias: Bias::default() }
+    }
+}
+
+/// The plain shadow map: one texel, one comparison (Williams 1978).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Plain {
+    /// The shadow map.
+    pub map: MapConfig,
+}
+
+impl TechniqueConfig for Plain {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::plain(gpu, &self.map)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &Estimator::nearest(), case)
     }
 }
 

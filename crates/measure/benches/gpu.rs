@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use antumbra_filter::PcfGrid;
-use antumbra_gpu::{Gpu, GpuOptions, Technique};
+use antumbra_gpu::{Gpu, GpuOptions, Technique, TechniqueConfig as _};
 use antumbra_map::{MapConfig, MapTechnique};
 use antumbra_measure::{Shot, Stage};
 use antumbra_scene::{LightKind, generate};
@@ -19,7 +19,7 @@ fn frames(c: &mut Criterion) {
     let grid = PcfGrid { map, side: 7 };
     let techniques: [(&str, Box<dyn Technique>); 2] = [
         ("map/plain", Box::new(MapTechnique::plain(&gpu, &map).expect("a valid config"))),
-        ("filter/pcf-grid-7", Box::new(grid.technique(&gpu).expect("a valid config"))),
+        ("filter/pcf-grid-7", grid.build(&gpu).expect("a valid config")),
     ];
     let mut group = c.benchmark_group("gpu");
     group.sample_size(20);

@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use antumbra_gpu::{
-    Counters, Frame, Gpu, MeshSet, PassTimes, Recorder, SampleImage, Technique, Timer, ViewSamples,
-    read_f32_texture,
+    Counters, Frame, Gpu, MeshSet, PassTimes, Recorder, SampleImage, Technique, Timer, ViewCamera,
+    ViewSamples, read_f32_texture,
 };
 use antumbra_reference::{Tracer, Truth, TruthOptions, ViewSample};
 use antumbra_scene::{Camera, Light, Scene, Triangles};
@@ -23,6 +23,7 @@ pub struct Stage {
     pub samples: ViewSamples,
     /// The same on the CPU.
     pub image: SampleImage,
+    camera: Option<ViewCamera>,
     tracer: Tracer,
 }
 
@@ -80,6 +81,7 @@ impl Stage {
             },
         )?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let camera = meshes.view_camera(&camera, (width, height));
         meshes.encode_view_samples(
             gpu,
             &mut Recorder::new(&mut encoder),
@@ -89,7 +91,7 @@ impl Stage {
         );
         gpu.queue.submit([encoder.finish()]);
         let image = samples.read(gpu)?;
-        Ok(Self { triangles, meshes, samples, image, tracer })
+        Ok(Self { triangles, meshes, samples, image, camera: Some(camera), tracer })
     }
 
     /// Uploads the scene and takes `points` (relative to [`Scene::origin`]) for its view samples, in
@@ -114,7 +116,7 @@ impl Stage {
         normals.resize(rows * ROW, Vec3::ZERO);
         samples.write(gpu, &positions, &normals)?;
         let image = SampleImage { width, height, positions, normals };
-        Ok(Self { triangles, meshes, samples, image, tracer })
+        Ok(Self { triangles, meshes, samples, image, camera: None, tracer })
     }
 
     /// The frame of this stage under `light`.
@@ -122,6 +124,7 @@ impl Stage {
     pub fn frame<'a>(&'a self, light: &'a Light) -> Frame<'a> {
         Frame {
             samples: &self.samples,
+            camera: self.camera,
             light,
             casters: &self.meshes,
             origin: self.triangles.origin,

@@ -114,7 +114,7 @@ impl Group<'_> {
         let mut session = self.stage.session(self.gpu)?;
         let has_plain = candidates.iter().any(|c| c.entry.name == PLAIN);
         let mut config = antumbra::Config::Plain(Default::default());
-        config.map_mut().size = self.plan.settings.map_size;
+        config.set_map_size(self.plan.settings.map_size);
         let mut yardstick = (!has_plain).then(|| config.build(self.gpu)).transpose()?;
         let mut plain = Shot::default();
         for round in 0..=self.plan.settings.repeat {
@@ -157,7 +157,7 @@ impl Group<'_> {
             scene: self.subject.name.clone(),
             light: *light,
             technique: entry.name.clone(),
-            config: serde_json::to_value(entry.config)?,
+            config: serde_json::to_value(&entry.config)?,
             status: Status::Ok,
             error: None,
             time: None,

@@ -67,7 +67,7 @@ impl Plan {
         };
         let mut techniques = select_techniques(&args.technique, full)?;
         for technique in &mut techniques {
-            technique.config.map_mut().size = settings.map_size;
+            technique.config.set_map_size(settings.map_size);
         }
         let scenes = match (args.suite, args.scene.as_slice()) {
             (Suite::Stability, []) => Vec::new(),

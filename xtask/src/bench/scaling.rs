@@ -30,7 +30,7 @@ fn sweeps(plan: &Plan) -> Vec<Sweep> {
     let map_size = Sweep {
         parameter: "map_size",
         values: &MAP_SIZES,
-        set: |config, size| config.map_mut().size = size,
+        set: |config, size| config.set_map_size(size),
         entries: plan.techniques.clone(),
     };
     let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
@@ -105,7 +105,8 @@ pub(super) fn measure(
                     })
                     .collect();
                 for value in sweep.values {
-                    let mut configs: Vec<Config> = sweep.entries.iter().map(|e| e.config).collect();
+                    let mut configs: Vec<Config> =
+                        sweep.entries.iter().map(|e| e.config.clone()).collect();
                     configs.iter_mut().for_each(|config| (sweep.set)(config, *value));
                     let shots = shoot(gpu, plan, &stage, &light, &configs)
                         .with_context(|| format!("{what} {value}"))?;

@@ -360,6 +360,7 @@ fn stability_cell(case: &StabilityCase) -> Markup {
         (false, _) => ("failed", "FAILED"),
         (true, Expected::Holds) => ("ok", "holds"),
         (true, Expected::KnownLimit) => ("limit", "known limit"),
+        (true, Expected::Refuses) => ("limit", "refused"),
     };
     let measured = case.measured.map_or_else(|| "–".to_owned(), number);
     let allowed = match (case.at_least, case.bound) {

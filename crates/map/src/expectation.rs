@@ -1,69 +1,16 @@
-//! What theory says of each technique on each hard case: the table of verdicts.
+//! What theory says of techniques over a depth map on each hard case.
 //!
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
-//! `cargo xtask bench --suite stability` and the tests measure every technique of the
-//! [catalogue](crate::catalogue) on every case and fail wherever this table is wrong, to either side.
 
-use antumbra_map::Estimator;
+use antumbra_gpu::Expectation;
 
-use crate::Config;
+use crate::{Estimator, MapConfig};
 
-/// What theory says of a technique on a hard case.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Expectation {
-    /// The technique copes.
-    Holds {
-        /// Largest number that the case may give.
-        bound: f64,
-    },
-    /// The technique fails, and by how much is known. To do better is as unexpected as to do worse: then
-    /// this table, or the measurement, is wrong.
-    KnownLimit {
-        /// Smallest number that the case may give.
-        at_least: f64,
-        /// Largest number that the case may give.
-        at_most: f64,
-        /// Why, in one sentence.
-        because: &'static str,
-    },
-}
-
-impl Expectation {
-    /// Whether `measured` is as expected; NaN never is.
-    #[must_use]
-    pub fn is_met_by(&self, measured: f64) -> bool {
-        match *self {
-            Self::Holds { bound } => measured <= bound,
-            Self::KnownLimit { at_least, at_most, .. } => (at_least..=at_most).contains(&measured),
-        }
-    }
-}
-
-impl Config {
-    /// What theory says of the technique, with these settings and the default bias, on the hard case of that
-    /// name; `None` for a case that the table does not know.
-    #[must_use]
-    pub fn expectation(&self, case: &str) -> Option<Expectation> {
-        let mut config = *self;
-        depth_map(&self.estimator().ok()?, config.map_mut().size, case)
-    }
-
-    /// The estimator over the depth map.
-    fn estimator(&self) -> Result<Estimator, antumbra_gpu::GpuError> {
-        match self {
-            Self::Plain(_) => Ok(Estimator::nearest()),
-            #[cfg(feature = "filter")]
-            Self::PcfGrid(c) => c.estimator(),
-            #[cfg(feature = "filter")]
-            Self::PcfHardware(c) => Ok(c.estimator()),
-            #[cfg(feature = "filter")]
-            Self::PcfBilinearGrid(c) => c.estimator(),
-            #[cfg(feature = "filter")]
-            Self::PcfCastano(c) => c.estimator(),
-            #[cfg(feature = "filter")]
-            Self::PcfPoisson(c) => c.estimator(),
-        }
-    }
+/// What theory says, on the hard case named `case`, of a technique that compares the receiver's plane with a
+/// depth map fitted to the casters; `None` for a case that is not known here.
+#[must_use]
+pub fn expectation(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectation> {
+    depth_map(estimator, map.size, case)
 }
 
 /// Techniques that compare the receiver's plane with a depth map fitted to the casters, of `size` texels a
@@ -131,21 +78,5 @@ fn wire(radius: f64, size: f64, texel: f64) -> Expectation {
         at_least: 1.0 - thick / cos * (1.0 + uneven),
         at_most: 1.0 - thin / (2.0 * radius * (sin + cos)) * (1.0 - uneven),
         because: "a caster thinner than a texel is in the map only where a texel's centre falls on it",
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn more_than_the_bound_less_than_the_limit_and_nan_are_not_as_expected() {
-        let holds = Expectation::Holds { bound: 1.0 };
-        assert!(holds.is_met_by(0.0) && holds.is_met_by(1.0), "within the bound");
-        assert!(!holds.is_met_by(1.1) && !holds.is_met_by(f64::NAN), "an unexpected failure");
-        let limit = Expectation::KnownLimit { at_least: 0.5, at_most: 0.7, because: "a test" };
-        assert!(limit.is_met_by(0.5) && limit.is_met_by(0.7), "within the limits");
-        assert!(!limit.is_met_by(0.4), "an unexpected success");
-        assert!(!limit.is_met_by(0.8) && !limit.is_met_by(f64::NAN), "an unexpected failure");
     }
 }
