@@ -2,7 +2,8 @@
 //!
 //! A root module (say `map/resolve`) imports from *slots* such as `package::layout`, which name no
 //! file: [`link`] binds each slot to a concrete module, so that any layout meets any store and any
-//! estimator without code for the pair. A slot may also be bound to generated constants.
+//! estimator without code for the pair. A slot may also be bound to generated constants, and a binding under the
+//! path of a module stands in that module's place.
 //!
 //! The crate makes no API calls: what becomes of the WGSL is its caller's affair.
 
@@ -83,16 +84,20 @@ pub fn link(root: &str, slots: &[Slot]) -> Result<String, LinkError> {
 /// So a forward renderer gets shadows into its own fragment shader:
 ///
 /// ```
-/// use antumbra_shaders::{link_functions, module};
+/// use antumbra_shaders::{link_functions, module, source};
 ///
 /// let slots = [
 ///     module("layout", "map::layout_cube"),
 ///     module("store", "common::depth_map"),
 ///     module("estimator", "map::nearest"),
+///     // Where this renderer keeps the light's views.
+///     source("map::views", "import package::common::lookup::{ShadowView};
+///         @group(1) @binding(0) var<storage, read> views: array<ShadowView>;
+///         fn view_at(i: i32) -> ShadowView { return views[i]; }"),
 /// ];
-/// let library = link_functions("map::shadow", &slots, &["View", "view_index", "shadow"])?;
-/// let shader = format!("{library}\n// ... its own declarations, among them array<View>");
-/// # assert!(shader.contains("fn shadow("), "the function keeps its name");
+/// // In its fragment shader: shadow(map, compare, view_of(p), p, n, 0.0, pixel).
+/// let library = link_functions("map::shadow", &slots, &["view_of", "shadow"])?;
+/// # assert!(library.contains("fn shadow("), "the function keeps its name");
 /// # Ok::<(), antumbra_shaders::LinkError>(())
 /// ```
 ///
@@ -124,6 +129,7 @@ fn link_keeping(
         resolver.add_module(module_path(root, path)?, Cow::Borrowed(*text));
     }
     resolver.add_module(module_path(root, root)?, Cow::Borrowed(text));
+    // Also in the place of modules, where a slot has the path of one.
     for (slot, binding) in slots {
         let text = match binding {
             Binding::Module(path) => Cow::Borrowed(find(path)?),

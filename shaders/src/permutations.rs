@@ -23,8 +23,24 @@ impl Permutation {
     }
 }
 
-/// The layouts of the shadow-map core: name and module.
-const LAYOUTS: [(&str, &str); 2] = [("single", "map::layout_single"), ("cube", "map::layout_cube")];
+/// The layouts of the shadow-map core: name and slots.
+fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
+    let matrices = |path| vec![module("layout", path)];
+    let charts = |path, chart| {
+        vec![
+            module("layout", path),
+            module("common::projection", "map::curved"),
+            module("chart", chart),
+        ]
+    };
+    vec![
+        ("single", matrices("map::layout_single")),
+        ("cube", matrices("map::layout_cube")),
+        ("tetrahedron", matrices("map::layout_tetrahedron")),
+        ("isocube", charts("map::layout_isocube", "map::isocube")),
+        ("paraboloid", charts("map::layout_paraboloid", "map::paraboloid")),
+    ]
+}
 
 /// All permutations: every layout with every estimator, and the support passes.
 ///
@@ -35,10 +51,17 @@ pub fn permutations() -> Vec<Permutation> {
         ["gpu::light_depth", "gpu::view_samples", "gpu::unproject", "gpu::probe"];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
+    for (name, root, chart) in [
+        ("map-traced-isocube", "map::traced", "map::isocube"),
+        ("map-traced-paraboloid", "map::traced", "map::paraboloid"),
+        ("map-warped-paraboloid", "map::warped", "map::paraboloid"),
+    ] {
+        all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
+    }
     for (estimator, slots) in estimators() {
-        for (layout, layout_module) in LAYOUTS {
+        for (layout, layout_slots) in layouts() {
             let mut slots = slots.clone();
-            slots.push(module("layout", layout_module));
+            slots.extend(layout_slots);
             all.push(Permutation {
                 name: format!("map-resolve-{layout}-{estimator}"),
                 root: "map::resolve",

@@ -1,7 +1,7 @@
 //! Every permutation links, and naga accepts the result.
 
 use antumbra_shaders::{
-    LinkError, MODULES, link, link_functions, link_source, module, permutations,
+    LinkError, MODULES, link, link_functions, link_source, module, permutations, source,
 };
 
 fn validate(wgsl: &str) -> Result<naga::valid::ModuleInfo, String> {
@@ -77,13 +77,19 @@ fn shadow_slots() -> Vec<antumbra_shaders::Slot> {
 }
 
 #[test]
-fn functions_for_another_shader_keep_their_names_and_bring_no_bindings() {
-    let keep = ["View", "view_index", "shadow"];
-    let wgsl = link_functions("map::shadow", &shadow_slots(), &keep).expect("links");
-    for needed in ["alias View", "fn view_index(", "fn shadow("] {
+fn functions_for_another_shader_keep_their_names_and_bring_no_bindings_of_their_own() {
+    let views = "import package::common::lookup::{ShadowView};
+        @group(3) @binding(7) var<storage, read> views: array<ShadowView>;
+        fn view_at(i: i32) -> ShadowView { return views[i]; }";
+    let mut slots = shadow_slots();
+    slots.push(source("map::views", views));
+    let keep = ["View", "view_of", "shadow"];
+    let wgsl = link_functions("map::shadow", &slots, &keep).expect("links");
+    for needed in ["alias View", "fn view_of(", "fn shadow("] {
         assert!(wgsl.contains(needed), "`{needed}` is missing from\n{wgsl}");
     }
-    assert!(!wgsl.contains("@group"), "a binding in\n{wgsl}");
+    assert_eq!(wgsl.matches("@group").count(), 1, "bindings other than the views in\n{wgsl}");
+    assert!(wgsl.contains("@group(3)"), "the caller's views in\n{wgsl}");
     if let Err(e) = validate(&wgsl) {
         panic!("{e}\n{wgsl}");
     }
@@ -91,10 +97,9 @@ fn functions_for_another_shader_keep_their_names_and_bring_no_bindings() {
 
 #[test]
 fn a_root_given_as_text_may_import_any_module() {
-    let text = "import package::map::shadow::{View, view_index};
-        @group(0) @binding(0) var<storage, read> first: View;
-        @group(0) @binding(1) var<storage, read_write> out: i32;
-        @compute @workgroup_size(1) fn main() { out = view_index(first, vec3f(1.0)); }";
+    let text = "import package::map::shadow::{view_of};
+        @group(0) @binding(1) var<storage, read_write> out: f32;
+        @compute @workgroup_size(1) fn main() { out = view_of(vec3f(1.0)).depth.w; }";
     let wgsl = link_source("mine", text, &shadow_slots()).expect("links");
     if let Err(e) = validate(&wgsl) {
         panic!("{e}\n{wgsl}");

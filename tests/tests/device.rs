@@ -8,12 +8,12 @@ use antumbra_gpu::{
     ViewCamera, ViewSamples, bind, read_f32_texture,
 };
 use antumbra_map::{
-    Bias, DepthConvention, Estimator, FittedView, Layout, MapConfig, MapTechnique, Resolve,
-    ShadowView,
+    Bias, DepthConvention, Estimator, FittedView, Layout, MapConfig, MapRead, MapTechnique,
+    Resolve, ShadowView,
 };
 use antumbra_measure::Stage;
 use antumbra_scene::{Light, LightKind, Scene, Triangles, generate};
-use antumbra_shaders::{link_functions, module};
+use antumbra_shaders::{link_functions, source};
 use antumbra_tests::gpu;
 use glam::{DMat4, DVec2, DVec3, DVec4, Vec3};
 
@@ -114,7 +114,9 @@ fn unusable_settings_are_refused_with_a_fix() {
             Bias { cone: number, ..usual },
             Bias { constant: number, ..usual },
         ] {
-            let refused = MapTechnique::plain(&gpu, &MapConfig { size: 64, bias }).map(|_| ());
+            let refused =
+                MapTechnique::plain(&gpu, &MapConfig { size: 64, bias, ..MapConfig::default() })
+                    .map(|_| ());
             assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{bias:?}: {refused:?}");
         }
     }
@@ -389,7 +391,7 @@ fn a_forward_depth_map_of_the_callers_gives_the_same_shadows() {
             let theirs = draw_forward_map(&gpu, &stage.triangles, &clips, format, SIDE);
 
             let layout = Layout::of(&light);
-            let mut resolve = Resolve::new(&gpu, layout, estimator, convention).expect("it links");
+            let mut resolve = Resolve::new(&gpu, &layout, estimator, convention).expect("it links");
             resolve.set_views(&gpu, &shadow_views(views, convention, estimator)).expect("views");
             let target = stage.samples.visibility_target(&gpu).expect("a target");
             let view = target.create_view(&Default::default());
@@ -421,8 +423,8 @@ fn a_wrong_number_of_views_is_refused() {
     let gpu = gpu();
     let estimator = Estimator::nearest();
     let convention = DepthConvention::REVERSED_F32;
-    for (layout, count) in [(Layout::Single, 6), (Layout::Cube, 1), (Layout::Cube, 0)] {
-        let resolve = Resolve::new(&gpu, layout, &estimator, convention).expect("it links");
+    for (layout, count) in [(Layout::single(), 6), (Layout::cube(), 1), (Layout::cube(), 0)] {
+        let resolve = Resolve::new(&gpu, &layout, &estimator, convention).expect("it links");
         let refused = resolve.set_views(&gpu, &vec![ShadowView::empty(DVec4::Y); count]);
         assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{layout:?}, {count}");
     }
@@ -547,10 +549,17 @@ fn lone_receivers_seen_through_a_depth_buffer_have_no_acne() {
     assert!(rate <= 5e-3, "{rate} of the samples are in false shadow with normals from depth");
 }
 
+/// Where the engine keeps the light's views.
+const VIEWS: &str = "
+import package::common::lookup::{ShadowView};
+@group(0) @binding(2) var<storage, read> views: array<ShadowView>;
+fn view_at(i: i32) -> ShadowView {
+    return views[i];
+}";
+
 const FORWARD: &str = "
 @group(0) @binding(0) var positions: texture_2d<f32>;
 @group(0) @binding(1) var normals: texture_2d<f32>;
-@group(0) @binding(2) var<storage, read> views: array<View>;
 @group(0) @binding(3) var map: MAP;
 @group(0) @binding(4) var compare: sampler_comparison;
 
@@ -567,8 +576,7 @@ fn shade(@builtin(position) at: vec4f) -> @location(0) f32 {
     if p.w == 0.0 {
         return 1.0;
     }
-    let index = view_index(views[0], p.xyz);
-    return shadow(map, compare, views[index], p.xyz, n.xyz, n.w, vec2u(pixel));
+    return shadow(map, compare, view_of(p.xyz), p.xyz, n.xyz, n.w, vec2u(pixel));
 }";
 
 /// A forward renderer of the test's own: a fragment shader with the library's functions pasted in.
@@ -580,10 +588,10 @@ fn forward_render(
     layout: Layout,
 ) -> Vec<f32> {
     let mut slots = estimator.slots.clone();
-    slots.push(module("layout", layout.module()));
-    let library =
-        link_functions("map::shadow", &slots, &["View", "view_index", "shadow"]).expect("it links");
-    let map_type = if estimator.comparison_sampler {
+    slots.extend(layout.slots);
+    slots.push(source("map::views", VIEWS));
+    let library = link_functions("map::shadow", &slots, &["view_of", "shadow"]).expect("it links");
+    let map_type = if estimator.read == MapRead::Comparison {
         "texture_depth_2d_array"
     } else {
         "texture_2d_array<f32>"

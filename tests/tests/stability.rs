@@ -68,7 +68,7 @@ fn case(name: &str) -> &'static Case {
 
 #[test]
 fn without_bias_half_of_a_sloped_plane_is_in_false_shadow_and_that_fails() {
-    let map = MapConfig { size: 1024, bias: Bias::NONE };
+    let map = MapConfig { size: 1024, bias: Bias::NONE, ..MapConfig::default() };
     let config = Config::Plain(Plain { map });
     let case = case("HC-03 grazing plane");
     let rate = measure(&gpu(), case, &config, 1024);
@@ -81,7 +81,8 @@ fn without_bias_half_of_a_sloped_plane_is_in_false_shadow_and_that_fails() {
 #[test]
 fn a_bias_too_large_opens_a_gap_and_that_fails() {
     let bias = Bias { slope: 20.0, receiver_plane: false, ..Bias::default() };
-    let config = Config::Plain(Plain { map: MapConfig { size: 512, bias } });
+    let config =
+        Config::Plain(Plain { map: MapConfig { size: 512, bias, ..MapConfig::default() } });
     let case = case("HC-04 thin wall");
     // 20 half texels of the floor's slope (1 at 45 degrees) against a wall that rises by 2 a texel.
     let gap = measure(&gpu(), case, &config, 512);

@@ -8,8 +8,8 @@ use antumbra_filter::kernel::Separable;
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfHardware};
 use antumbra_gpu::{Gpu, SUBPIXEL_STEP, bind, read_buffer, read_f32_texture};
 use antumbra_map::{
-    Bias, DepthConvention, Estimator, FittedView, Fitting, MapConfig, MapTechnique, ShadowView,
-    fit, twin,
+    Bias, DepthConvention, Estimator, FittedView, Fitting, MapConfig, MapRead, MapTechnique,
+    ShadowView, fit, twin,
 };
 use antumbra_measure::Stage;
 use antumbra_scene::{Light, LightKind, generate};
@@ -359,7 +359,7 @@ fn agreement(
         kernel,
         map: &map,
         size: SIZE as usize,
-        one_reference: estimator.comparison_sampler,
+        one_reference: estimator.read == MapRead::Comparison,
     };
     let mut found = Agreement::default();
     let clip = view.clip.expect("a view with casters").as_mat4().as_dmat4();

@@ -1,7 +1,7 @@
 //! The percentage-closer filters, one config each.
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
-use antumbra_map::{Estimator, MapConfig, MapTechnique, expectation};
+use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, expectation};
 use antumbra_shaders::{Slot, castano_constants, castano_core, module, poisson_constants, source};
 use serde::{Deserialize, Serialize};
 
@@ -132,7 +132,7 @@ impl PcfHardware {
                 module("store", "common::compare_map"),
                 module("estimator", "filter::hardware"),
             ],
-            comparison_sampler: true,
+            read: MapRead::Comparison,
             radius: 1.0,
             reach: 1.0,
             fetches: 1,
@@ -196,7 +196,7 @@ impl PcfCastano {
         if self.hardware {
             estimator.slots[0] = module("store", "common::compare_map");
             estimator.slots[1] = module("estimator", "filter::hardware_castano");
-            estimator.comparison_sampler = true;
+            estimator.read = MapRead::Comparison;
             estimator.reach = 1.0;
             estimator.fetches /= 4;
         }
@@ -239,7 +239,7 @@ impl PcfPoisson {
                 module("estimator", "filter::poisson"),
                 source("config", poisson_constants(&poisson_disc(self.taps), self.radius)),
             ],
-            comparison_sampler: false,
+            read: MapRead::Texels,
             radius: self.radius + 0.5,
             reach: 0.0,
             fetches: self.taps,
@@ -281,7 +281,7 @@ fn separable(kernel: Separable, path: &'static str, constants: Slot) -> Estimato
             module("kernel", path),
             constants,
         ],
-        comparison_sampler: false,
+        read: MapRead::Texels,
         radius: kernel.radius() as f32,
         reach: 0.0,
         fetches: kernel.texels().pow(2),

@@ -17,6 +17,17 @@ pub mod entries {
         buffer(binding, stages, BufferBindingType::Uniform)
     }
 
+    /// A uniform buffer with a dynamic offset.
+    #[must_use]
+    pub fn dynamic_uniform(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        let ty = BindingType::Buffer {
+            ty: BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: None,
+        };
+        entry(binding, stages, ty)
+    }
+
     /// A read-only storage buffer.
     #[must_use]
     pub fn storage(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
@@ -40,6 +51,18 @@ pub mod entries {
         texture(binding, stages, true, TextureSampleType::Depth)
     }
 
+    /// A float texture for a filtering sampler (`texture_2d_array<f32>`).
+    #[must_use]
+    pub fn filterable_array(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        texture(binding, stages, true, TextureSampleType::Float { filterable: true })
+    }
+
+    /// A texture of unsigned integers (`texture_2d_array<u32>`).
+    #[must_use]
+    pub fn unsigned_array(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        texture(binding, stages, true, TextureSampleType::Uint)
+    }
+
     fn texture(
         binding: u32,
         stages: ShaderStages,
@@ -61,6 +84,12 @@ pub mod entries {
         entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Comparison))
     }
 
+    /// A filtering sampler.
+    #[must_use]
+    pub fn filtering_sampler(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
+    }
+
     /// A storage texture that is only written.
     #[must_use]
     pub fn write_texture(
@@ -68,15 +97,27 @@ pub mod entries {
         stages: ShaderStages,
         format: TextureFormat,
     ) -> BindGroupLayoutEntry {
-        entry(
-            binding,
-            stages,
-            BindingType::StorageTexture {
-                access: wgpu::StorageTextureAccess::WriteOnly,
-                format,
-                view_dimension: TextureViewDimension::D2,
-            },
-        )
+        write(binding, stages, format, TextureViewDimension::D2)
+    }
+
+    /// As [`write_texture`], for an array texture.
+    #[must_use]
+    pub fn write_array(
+        binding: u32,
+        stages: ShaderStages,
+        format: TextureFormat,
+    ) -> BindGroupLayoutEntry {
+        write(binding, stages, format, TextureViewDimension::D2Array)
+    }
+
+    fn write(
+        binding: u32,
+        stages: ShaderStages,
+        format: TextureFormat,
+        view_dimension: TextureViewDimension,
+    ) -> BindGroupLayoutEntry {
+        let access = wgpu::StorageTextureAccess::WriteOnly;
+        entry(binding, stages, BindingType::StorageTexture { access, format, view_dimension })
     }
 }
 

@@ -2,14 +2,28 @@
 
 use antumbra_shaders::{Slot, module};
 
+/// How an estimator reads its map: the type of the texture and of the sampler beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MapRead {
+    /// Depth, through a comparison sampler with bilinear filter (`texture_depth_2d_array`).
+    Comparison,
+    /// Floats, texel by texel (`texture_2d_array<f32>`, of any float format or depth).
+    Texels,
+    /// Floats, through a bilinear sampler that ends at the border (`texture_2d_array<f32>`, of a filterable
+    /// format).
+    Filtered,
+    /// Unsigned integers, texel by texel (`texture_2d_array<u32>`).
+    Unsigned,
+}
+
 /// An estimator over a depth map: shader modules for the slots of `map::resolve`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimator {
     /// Bindings of the slots `store`, `estimator` and whatever the estimator imports.
     pub slots: Vec<Slot>,
-    /// Whether the map is read through a comparison sampler (`texture_depth_2d_array`) rather than
-    /// texel by texel (`texture_2d_array<f32>`).
-    pub comparison_sampler: bool,
+    /// How it reads the map, or what is made of it; agrees with the aliases `Map` and `Sampler` of the module
+    /// in the slot `store`.
+    pub read: MapRead,
     /// Largest distance per axis, in texels, from the sample to the centre of a texel it compares with.
     /// Also the width of the guard band around the casters.
     pub radius: f32,
@@ -27,7 +41,7 @@ impl Estimator {
     pub fn nearest() -> Self {
         Self {
             slots: vec![module("store", "common::depth_map"), module("estimator", "map::nearest")],
-            comparison_sampler: false,
+            read: MapRead::Texels,
             radius: 0.5,
             reach: 0.0,
             fetches: 1,

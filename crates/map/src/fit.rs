@@ -6,7 +6,7 @@
 
 use antumbra_gpu::GpuError;
 use antumbra_scene::Light;
-use glam::{DMat3, DMat4, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 /// What a fit needs to know about the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,8 +23,8 @@ pub struct Fitting {
 /// A fitted view of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedView {
-    /// Points relative to the origin to clip space, reversed depth; `None` where no caster falls into the
-    /// view.
+    /// Points relative to the origin to clip space, reversed depth, or what else the layout's projection makes
+    /// of a matrix; `None` where no caster falls into the view.
     pub clip: Option<DMat4>,
     /// xyz position relative to the origin and w = 1, or the unit direction towards the light and w = 0.
     pub light: DVec4,
@@ -33,9 +33,9 @@ pub struct FittedView {
 /// A caster nearer to a positional light than this share of the farthest caster's distance is cut off when
 /// the light stands amid the casters. Reversed float depth keeps its relative precision whatever the near
 /// plane, so the share only has to be far below any distance that matters: 2^-14 is 6 mm at 100 m.
-const NEAREST_SHARE: f64 = 1.0 / 16384.0;
+pub(crate) const NEAREST_SHARE: f64 = 1.0 / 16384.0;
 
-/// Fits the views of `light` to casters whose convex hull is that of `hull` (world space).
+/// Fits the views of [`crate::Layout::of`] `light` to casters whose convex hull is that of `hull` (world space).
 ///
 /// # Errors
 /// A light with non-finite numbers, a zero direction, or a cone that is not within (0, 90) degrees.
@@ -52,7 +52,13 @@ pub fn fit(light: &Light, hull: &[DVec3], fitting: &Fitting) -> Result<Vec<Fitte
         Light::Spot { position, direction, outer_angle } => {
             let basis = basis(-direction.normalize());
             let light = place(position);
-            let clip = perspective(light.truncate(), basis, outer_angle.tan(), &points, fitting);
+            let clip = perspective(
+                light.truncate(),
+                basis,
+                DVec2::splat(outer_angle.tan()),
+                &points,
+                fitting,
+            );
             vec![FittedView { clip, light }]
         }
         Light::Point { position: center }
@@ -61,7 +67,8 @@ pub fn fit(light: &Light, hull: &[DVec3], fitting: &Fitting) -> Result<Vec<Fitte
         | Light::Disc { center, .. } => {
             let light = place(center);
             let face = |axis: DVec3| {
-                let clip = perspective(light.truncate(), basis(-axis), 1.0, &points, fitting);
+                let clip =
+                    perspective(light.truncate(), basis(-axis), DVec2::ONE, &points, fitting);
                 FittedView { clip, light }
             };
             [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z].map(face).to_vec()
@@ -69,7 +76,7 @@ pub fn fit(light: &Light, hull: &[DVec3], fitting: &Fitting) -> Result<Vec<Fitte
     })
 }
 
-fn validate(light: &Light) -> Result<(), GpuError> {
+pub(crate) fn validate(light: &Light) -> Result<(), GpuError> {
     let invalid = |what, value: String, fix| Err(GpuError::Invalid { what, value, fix });
     if let Light::Directional { direction, .. } | Light::Spot { direction, .. } = *light
         && !(direction.is_finite() && direction.length_squared() > 0.0)
@@ -149,10 +156,10 @@ fn orthographic(to_light: DVec3, points: &[DVec3], fitting: &Fitting) -> Option<
 
 /// A perspective view from `eye` down -z of `basis`, at most `tan_limit` wide on either side, with infinite
 /// reversed depth: z = near / distance, which f32 keeps to a relative 2^-24 at every distance.
-fn perspective(
+pub(crate) fn perspective(
     eye: DVec3,
     basis: DMat3,
-    tan_limit: f64,
+    tan_limit: DVec2,
     points: &[DVec3],
     fitting: &Fitting,
 ) -> Option<DMat4> {
@@ -164,6 +171,7 @@ fn perspective(
     let near = (nearest * (1.0 - 2f64.powi(-8))).max(farthest * NEAREST_SHARE);
     // With every point in front of the eye the hull's projection is the projections' hull.
     let window = |i: usize| {
+        let tan_limit = tan_limit[i];
         let (lo, hi) = if nearest >= near {
             span(local.iter().map(|p| p[i] / -p.z))
         } else {

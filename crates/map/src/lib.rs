@@ -1,8 +1,9 @@
 //! Shadow-map core: light cameras, depth passes, layouts, bias, and the plain shadow test.
 //!
 //! A shadow map is put together from three parts that know nothing of one another. The *layout*
-//! ([`Layout`], [`fit`]) says into which view of the map a point falls; the *store* is the depth texture;
-//! the *estimator* ([`Estimator`]) turns a lookup into visibility. [`ShadowMap`] owns layout and store and
+//! ([`Layout`], fitted by an [`Arrange`]) says into which view of the map a point falls; the *store* is the
+//! depth texture, or what a [`Store`] makes of it; the *estimator* ([`Estimator`]) turns a lookup into
+//! visibility. [`ShadowMap`] owns layout and store and
 //! draws the casters; [`Resolve`] links a layout with an estimator and works on any depth map, also one
 //! that the application draws; [`MapTechnique`] is both together behind [`antumbra_gpu::Technique`].
 //!
@@ -10,20 +11,29 @@
 //! is a rounding bound that the shader derives per sample (`common/lookup.wesl`).
 
 mod bias;
+mod chart_pass;
 mod estimator;
 mod expectation;
 mod fit;
+mod layout;
+mod linear;
+mod omni;
 mod resolve;
 mod shadow_map;
+mod store;
 mod technique;
 pub mod twin;
 mod view;
 
 pub use bias::Bias;
-pub use estimator::Estimator;
+pub use estimator::{Estimator, MapRead};
 pub use expectation::expectation;
 pub use fit::{FittedView, Fitting, fit};
+pub use layout::{Arrange, Drawing, Layout};
+pub use linear::LinearDepth;
+pub use omni::Omni;
 pub use resolve::Resolve;
 pub use shadow_map::ShadowMap;
+pub use store::Store;
 pub use technique::{MapConfig, MapTechnique, Plain};
-pub use view::{DepthConvention, Layout, ShadowView};
+pub use view::{DepthConvention, ShadowView};

@@ -1,14 +1,13 @@
 //! Visibility of view samples through a depth map: a layout and an estimator, linked.
 
 use antumbra_gpu::{BindGroupCache, Gpu, GpuError, Recorder, ViewSamples, bind, entries};
-use antumbra_shaders::module;
 
-use crate::{DepthConvention, Estimator, Layout, ShadowView};
+use crate::{DepthConvention, Estimator, Layout, MapRead, ShadowView};
 
 /// The compute pass from view samples to visibility, for one layout and one estimator.
 ///
 /// The depth map may be anyone's: a `D2Array` view of a depth texture (depth aspect), described by one
-/// [`ShadowView`] for each view of the layout.
+/// [`ShadowView`] for each view of the layout. An estimator over a store reads the store's view instead.
 #[derive(Debug)]
 pub struct Resolve {
     pipeline: wgpu::ComputePipeline,
@@ -16,7 +15,7 @@ pub struct Resolve {
     map_layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     views: wgpu::Buffer,
-    layout: Layout,
+    views_of_layout: usize,
     frame_group: BindGroupCache<[wgpu::TextureView; 3]>,
     map_group: BindGroupCache<wgpu::TextureView>,
 }
@@ -25,10 +24,10 @@ impl Resolve {
     /// Links and compiles the pass.
     ///
     /// # Errors
-    /// An estimator whose shader does not link.
+    /// An estimator or a layout whose shader does not link.
     pub fn new(
         gpu: &Gpu,
-        layout: Layout,
+        layout: &Layout,
         estimator: &Estimator,
         convention: DepthConvention,
     ) -> Result<Self, GpuError> {
@@ -42,17 +41,22 @@ impl Resolve {
                 entries::write_texture(2, CS, wgpu::TextureFormat::R32Float),
             ],
         });
-        let map = if estimator.comparison_sampler {
-            entries::depth_array(1, CS)
-        } else {
-            entries::texels(1, CS, true)
+        let map = match estimator.read {
+            MapRead::Comparison => entries::depth_array(1, CS),
+            MapRead::Texels => entries::texels(1, CS, true),
+            MapRead::Filtered => entries::filterable_array(1, CS),
+            MapRead::Unsigned => entries::unsigned_array(1, CS),
+        };
+        let (sampling, compare) = match estimator.read {
+            MapRead::Filtered => (entries::filtering_sampler(2, CS), None),
+            _ => (entries::comparison_sampler(2, CS), Some(convention.compare())),
         };
         let map_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("resolve: map"),
-            entries: &[entries::storage(0, CS), map, entries::comparison_sampler(2, CS)],
+            entries: &[entries::storage(0, CS), map, sampling],
         });
         let mut slots = estimator.slots.clone();
-        slots.push(module("layout", layout.module()));
+        slots.extend(layout.slots.iter().cloned());
         let shader = gpu.shader("resolve", antumbra_shaders::link("map::resolve", &slots)?);
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("resolve"),
@@ -67,15 +71,15 @@ impl Resolve {
             cache: None,
         });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("shadow comparison"),
+            label: Some("shadow map"),
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
-            compare: Some(convention.compare()),
+            compare,
             ..Default::default()
         });
         let views = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("shadow views"),
-            size: (layout.views() * size_of::<ShadowView>()) as u64,
+            size: (layout.views * size_of::<ShadowView>()) as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
@@ -85,7 +89,7 @@ impl Resolve {
             map_layout,
             sampler,
             views,
-            layout,
+            views_of_layout: layout.views,
             frame_group: BindGroupCache::default(),
             map_group: BindGroupCache::default(),
         })
@@ -96,11 +100,11 @@ impl Resolve {
     /// # Errors
     /// A number of views that is not the layout's.
     pub fn set_views(&self, gpu: &Gpu, views: &[ShadowView]) -> Result<(), GpuError> {
-        if views.len() != self.layout.views() {
+        if views.len() != self.views_of_layout {
             return Err(GpuError::Invalid {
                 what: "number of shadow views",
                 value: views.len().to_string(),
-                fix: "give one view for a single layout, six for a cube",
+                fix: "give as many views as the layout has",
             });
         }
         gpu.queue.write_buffer(&self.views, 0, bytemuck::cast_slice(views));

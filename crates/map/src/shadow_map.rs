@@ -3,18 +3,21 @@
 use antumbra_gpu::{Counters, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
 use glam::{DVec3, Mat4};
 
-use crate::{DepthConvention, FittedView, Fitting, Layout, fit};
+use crate::chart_pass::{ChartPass, triangles_of};
+use crate::{Arrange, DepthConvention, Drawing, FittedView, Fitting, LinearDepth};
 
 /// Fitted views of a light and the depth map that holds them, one layer a view with casters.
 #[derive(Debug)]
 pub struct ShadowMap {
     size: u32,
     guard: u32,
-    uniforms: wgpu::Buffer,
-    uniform_group: wgpu::BindGroup,
+    arrange: Box<dyn Arrange>,
+    matrices: Matrices,
     stride: u32,
+    charts: Option<ChartPass>,
     layers: Option<Layers>,
     views: Vec<FittedView>,
+    linear: Vec<LinearDepth>,
     hull: Vec<DVec3>,
     counters: Counters,
 }
@@ -26,15 +29,31 @@ struct Layers {
     each: Vec<wgpu::TextureView>,
 }
 
+/// The matrices of the views, for their depth passes.
+#[derive(Debug)]
+struct Matrices {
+    buffer: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    capacity: usize,
+}
+
+/// Room for the views of a cube; layouts of more make more.
+const USUAL_VIEWS: usize = 6;
+
 impl ShadowMap {
     /// Format of the map.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-    /// A map with layers of `size` x `size` texels and a guard band of `guard` texels.
+    /// A map with layers of `size` x `size` texels and a guard band of `guard` texels, whose views `arrange` fits.
     ///
     /// # Errors
     /// A size of zero or beyond the device's limit.
-    pub fn new(gpu: &Gpu, size: u32, guard: u32) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        size: u32,
+        guard: u32,
+        arrange: Box<dyn Arrange>,
+    ) -> Result<Self, GpuError> {
         let limits = gpu.device.limits();
         let limit = limits.max_texture_dimension_2d;
         if size == 0 {
@@ -49,32 +68,17 @@ impl ShadowMap {
             });
         }
         let stride = limits.min_uniform_buffer_offset_alignment.max(size_of::<Mat4>() as u32);
-        let uniforms = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("light views"),
-            size: u64::from(stride) * Layout::Cube.views() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let uniform_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("light views"),
-            layout: &light_view_layout(&gpu.device),
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: &uniforms,
-                    offset: 0,
-                    size: wgpu::BufferSize::new(size_of::<Mat4>() as u64),
-                }),
-            }],
-        });
+        let matrices = Matrices::new(gpu, stride, USUAL_VIEWS);
         Ok(Self {
             size,
             guard,
-            uniforms,
-            uniform_group,
+            arrange,
+            matrices,
             stride,
+            charts: None,
             layers: None,
             views: Vec::new(),
+            linear: Vec::new(),
             hull: Vec::new(),
             counters: Counters::new(),
         })
@@ -89,17 +93,47 @@ impl ShadowMap {
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
         let fitting = Fitting { origin: frame.origin, size: self.size, guard: self.guard };
-        self.views = fit(frame.light, &self.hull, &fitting)?;
+        self.views = self.arrange.fit(frame, &self.hull, &fitting)?;
+        let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
+        if needed > self.matrices.capacity {
+            self.matrices = Matrices::new(gpu, self.stride, needed);
+        }
+        for point in &mut self.hull {
+            *point -= frame.origin;
+        }
+        let linear = |clip| LinearDepth::new(&clip, &self.hull, DepthConvention::REVERSED_F32);
+        self.linear = self.views.iter().filter_map(|v| v.clip).map(linear).collect();
         for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
             let offset = layer as u64 * u64::from(self.stride);
             let matrix = clip.as_mat4().to_cols_array();
-            gpu.queue.write_buffer(&self.uniforms, offset, bytemuck::bytes_of(&matrix));
+            gpu.queue.write_buffer(&self.matrices.buffer, offset, bytemuck::bytes_of(&matrix));
         }
-        let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
+        self.prepare_charts(gpu, frame, needed)?;
         // Layers are kept when fewer are needed, so that a light that flits in and out allocates once.
         if self.layers.as_ref().is_none_or(|l| l.each.len() < needed) && needed > 0 {
             self.layers = Some(Layers::new(gpu, self.size, needed as u32)?);
         }
+        Ok(())
+    }
+
+    /// The depth pass of a layout that is drawn by its own, from the casters' triangles.
+    fn prepare_charts(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        needed: usize,
+    ) -> Result<(), GpuError> {
+        let layout = self.arrange.layout(frame.light);
+        if layout.drawing == Drawing::Matrix || needed == 0 {
+            self.charts = self.charts.take().filter(|_| layout.drawing != Drawing::Matrix);
+            return Ok(());
+        }
+        let triangles = triangles_of(frame.casters)?;
+        let charts = match self.charts.take().filter(|pass| pass.serves(&layout)) {
+            Some(pass) => pass,
+            None => ChartPass::new(gpu, &layout)?,
+        };
+        self.charts.insert(charts).bind(gpu, &triangles, &self.matrices.buffer);
         Ok(())
     }
 
@@ -112,7 +146,7 @@ impl ShadowMap {
         for (index, (clip, layer)) in clips.zip(layers).enumerate() {
             let view = LightView {
                 clip: clip.as_mat4(),
-                bind_group: &self.uniform_group,
+                bind_group: &self.matrices.group,
                 offset: index as u32 * self.stride,
                 format: Self::FORMAT,
                 order: convention.order(),
@@ -120,7 +154,10 @@ impl ShadowMap {
                 origin: frame.origin,
             };
             let mut pass = recorder.depth_pass("map/depth", layer, convention.clear());
-            let drawn = frame.casters.draw(&view, &mut pass);
+            let drawn = match (&self.charts, frame.casters.triangles()) {
+                (Some(charts), Some(triangles)) => charts.draw(&triangles, view.offset, &mut pass),
+                _ => frame.casters.draw(&view, &mut pass),
+            };
             passes += 1;
             draws += drawn.draws;
             triangles += drawn.triangles;
@@ -134,11 +171,23 @@ impl ShadowMap {
         ]);
     }
 
+    /// Who fits the views.
+    #[must_use]
+    pub fn arrange(&self) -> &dyn Arrange {
+        self.arrange.as_ref()
+    }
+
     /// The fitted views, in the layout's order. A view with a matrix has a layer; layers are numbered in
     /// the order of those views.
     #[must_use]
     pub fn views(&self) -> &[FittedView] {
         &self.views
+    }
+
+    /// Linear depth over the casters, layer by layer of those in use.
+    #[must_use]
+    pub fn linear_depths(&self) -> &[LinearDepth] {
+        &self.linear
     }
 
     /// The map as a `D2Array` view, or `None` where no view has a caster.
@@ -170,7 +219,31 @@ impl ShadowMap {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let layers = self.layers.as_ref().map_or(0, |l| l.each.len() as u64);
-        layers * u64::from(self.size) * u64::from(self.size) * 4 + self.uniforms.size()
+        layers * u64::from(self.size) * u64::from(self.size) * 4 + self.matrices.buffer.size()
+    }
+}
+
+impl Matrices {
+    fn new(gpu: &Gpu, stride: u32, capacity: usize) -> Self {
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("light views"),
+            size: u64::from(stride) * capacity as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("light views"),
+            layout: &light_view_layout(&gpu.device),
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &buffer,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(size_of::<Mat4>() as u64),
+                }),
+            }],
+        });
+        Self { buffer, group, capacity }
     }
 }
 

@@ -6,7 +6,8 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Bias, DepthConvention, Estimator, Layout, Resolve, ShadowMap, ShadowView, expectation,
+    Arrange, Bias, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve, ShadowMap,
+    ShadowView, Store, expectation,
 };
 
 /// Settings that every technique over a shadow map shares.
@@ -18,11 +19,13 @@ pub struct MapConfig {
     pub size: u32,
     /// Depth bias.
     pub bias: Bias,
+    /// Layout of the map for lights that shine all around, default the cube.
+    pub omni: Omni,
 }
 
 impl Default for MapConfig {
     fn default() -> Self {
-        Self { size: 2048, bias: Bias::default() }
+        Self { size: 2048, bias: Bias::default(), omni: Omni::default() }
     }
 }
 
@@ -55,6 +58,7 @@ pub struct MapTechnique {
     config: MapConfig,
     estimator: Estimator,
     map: ShadowMap,
+    store: Option<Box<dyn Store>>,
     resolve: Option<(Layout, Resolve)>,
     nothing: Option<wgpu::TextureView>,
     counters: Counters,
@@ -66,14 +70,52 @@ impl MapTechnique {
     /// # Errors
     /// A size beyond the device's limits or a bias that is no number.
     pub fn new(gpu: &Gpu, config: &MapConfig, estimator: Estimator) -> Result<Self, GpuError> {
+        Self::build(gpu, config, estimator, Box::new(config.omni), None)
+    }
+
+    /// As [`MapTechnique::new`], for an estimator that reads `store` instead of the depth map.
+    ///
+    /// # Errors
+    /// As [`MapTechnique::new`].
+    pub fn with_store(
+        gpu: &Gpu,
+        config: &MapConfig,
+        estimator: Estimator,
+        store: Box<dyn Store>,
+    ) -> Result<Self, GpuError> {
+        Self::build(gpu, config, estimator, Box::new(config.omni), Some(store))
+    }
+
+    /// As [`MapTechnique::new`], with views that `arrange` chooses and fits in the place of
+    /// [`MapConfig::omni`].
+    ///
+    /// # Errors
+    /// As [`MapTechnique::new`].
+    pub fn arranged(
+        gpu: &Gpu,
+        config: &MapConfig,
+        estimator: Estimator,
+        arrange: Box<dyn Arrange>,
+    ) -> Result<Self, GpuError> {
+        Self::build(gpu, config, estimator, arrange, None)
+    }
+
+    fn build(
+        gpu: &Gpu,
+        config: &MapConfig,
+        estimator: Estimator,
+        arrange: Box<dyn Arrange>,
+        store: Option<Box<dyn Store>>,
+    ) -> Result<Self, GpuError> {
         config.bias.validate()?;
         // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
         let guard = estimator.radius.ceil() as u32 + 1;
-        let map = ShadowMap::new(gpu, config.size, guard)?;
+        let map = ShadowMap::new(gpu, config.size, guard, arrange)?;
         Ok(Self {
             config: *config,
             estimator,
             map,
+            store,
             resolve: None,
             nothing: None,
             counters: Counters::new(),
@@ -93,15 +135,31 @@ impl MapTechnique {
     pub fn map(&self) -> &ShadowMap {
         &self.map
     }
+
+    /// What is made of the map, if anything.
+    #[must_use]
+    pub fn store(&self) -> Option<&dyn Store> {
+        self.store.as_deref()
+    }
+
+    /// What the estimator reads: the store or else the map, or a texel of nothing where there is no caster.
+    fn read(&self) -> Option<&wgpu::TextureView> {
+        // A store without casters may hold what an earlier frame left: no view reads it.
+        let kept = match &self.store {
+            Some(store) => store.view(),
+            None => self.map.view(),
+        };
+        kept.or(self.nothing.as_ref())
+    }
 }
 
 impl Technique for MapTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         self.map.prepare(gpu, frame)?;
-        let layout = Layout::of(frame.light);
+        let layout = self.map.arrange().layout(frame.light);
         let convention = DepthConvention::REVERSED_F32;
         if self.resolve.as_ref().is_none_or(|(kept, _)| *kept != layout) {
-            let resolve = Resolve::new(gpu, layout, &self.estimator, convention)?;
+            let resolve = Resolve::new(gpu, &layout, &self.estimator, convention)?;
             self.resolve = Some((layout, resolve));
         }
         let mut layer = 0;
@@ -115,15 +173,19 @@ impl Technique for MapTechnique {
                     layer += 1;
                     let bias = &self.config.bias;
                     ShadowView::new(clip, view.light, layer - 1, convention, bias, &self.estimator)
+                        .with_linear(&self.map.linear_depths()[layer as usize - 1])
                 }
             })
             .collect();
         if let Some((_, resolve)) = &self.resolve {
             resolve.set_views(gpu, &views)?;
         }
+        if let Some(store) = &mut self.store {
+            store.prepare(gpu, frame, &self.map)?;
+        }
         // The pass needs some texture even when no view reads it.
-        if self.map.view().is_none() && self.nothing.is_none() {
-            self.nothing = Some(one_texel(gpu)?);
+        if self.read().is_none() {
+            self.nothing = Some(one_texel(gpu, self.estimator.read)?);
         }
         Ok(())
     }
@@ -135,8 +197,8 @@ impl Technique for MapTechnique {
         recorder: &mut Recorder<'_>,
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
-        let map = self.map.view().or(self.nothing.as_ref()).cloned();
-        let (Some((_, resolve)), Some(map)) = (&mut self.resolve, map) else {
+        let read = self.read().cloned();
+        let (Some((_, resolve)), Some(read)) = (&mut self.resolve, read) else {
             return Err(GpuError::Invalid {
                 what: "frame",
                 value: "not prepared".to_owned(),
@@ -144,10 +206,14 @@ impl Technique for MapTechnique {
             });
         };
         self.map.encode(frame, recorder);
-        resolve.encode(gpu, recorder, frame.samples, &map, visibility);
+        self.counters = self.map.counters().clone();
+        if let Some(store) = &mut self.store {
+            store.encode(gpu, frame, &self.map, recorder)?;
+            self.counters.extend(store.counters());
+        }
+        resolve.encode(gpu, recorder, frame.samples, &read, visibility);
         let (width, height) = frame.samples.size();
         let samples = u64::from(width) * u64::from(height);
-        self.counters = self.map.counters().clone();
         self.counters.insert("view_samples", samples);
         self.counters.insert("fetches", samples * u64::from(self.estimator.fetches));
         Ok(())
@@ -158,11 +224,11 @@ impl Technique for MapTechnique {
     }
 
     fn bytes(&self) -> u64 {
-        self.map.bytes()
+        self.map.bytes() + self.store.as_ref().map_or(0, |s| s.bytes())
     }
 }
 
-fn one_texel(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
+fn one_texel(gpu: &Gpu, read: MapRead) -> Result<wgpu::TextureView, GpuError> {
     let texture = gpu.create_texture(
         "empty shadow map",
         &wgpu::TextureDescriptor {
@@ -171,7 +237,11 @@ fn one_texel(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: ShadowMap::FORMAT,
+            format: match read {
+                MapRead::Comparison | MapRead::Texels => ShadowMap::FORMAT,
+                MapRead::Filtered => wgpu::TextureFormat::Rgba16Float,
+                MapRead::Unsigned => wgpu::TextureFormat::R32Uint,
+            },
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
             view_formats: &[],
         },

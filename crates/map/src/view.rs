@@ -1,48 +1,9 @@
 //! One projection of a shadow map, as shaders see it.
 
 use antumbra_gpu::SUBPIXEL_STEP;
-use antumbra_scene::Light;
 use glam::{DMat4, DVec4};
 
-use crate::{Bias, Estimator};
-
-/// How a light's views are arranged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Layout {
-    /// One view: directional and spot lights.
-    Single,
-    /// Six views, one an axis direction, around a position: +x, -x, +y, -y, +z, -z.
-    Cube,
-}
-
-impl Layout {
-    /// The layout that serves a light: one view for directional and spot lights, a cube for the others.
-    #[must_use]
-    pub fn of(light: &Light) -> Self {
-        match light {
-            Light::Directional { .. } | Light::Spot { .. } => Self::Single,
-            _ => Self::Cube,
-        }
-    }
-
-    /// Number of views.
-    #[must_use]
-    pub fn views(self) -> usize {
-        match self {
-            Self::Single => 1,
-            Self::Cube => 6,
-        }
-    }
-
-    /// Path of the shader module for the slot `layout`.
-    #[must_use]
-    pub fn module(self) -> &'static str {
-        match self {
-            Self::Single => "map::layout_single",
-            Self::Cube => "map::layout_cube",
-        }
-    }
-}
+use crate::{Bias, Estimator, LinearDepth};
 
 /// How a depth map stores depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +30,12 @@ impl DepthConvention {
         if self.reversed { 0.0 } else { 1.0 }
     }
 
+    /// The depth of the near end.
+    #[must_use]
+    pub(crate) fn nearest(self) -> f64 {
+        if self.reversed { 1.0 } else { 0.0 }
+    }
+
     /// The comparison under which a reference is lit against a stored depth.
     #[must_use]
     pub fn compare(self) -> wgpu::CompareFunction {
@@ -88,10 +55,11 @@ pub struct ShadowView {
     light: [f32; 4],
     depth: [f32; 4],
     bias: [f32; 4],
+    linear: [f32; 4],
 }
 
 impl ShadowView {
-    /// A view given by its matrix `clip` (points relative to the frame's origin to clip space), the light
+    /// A view given by its matrix `clip` ([`crate::FittedView::clip`]), the light
     /// (xyz position relative to the origin and w = 1, or unit direction towards the light and w = 0) and
     /// its `layer` in the map.
     #[must_use]
@@ -117,7 +85,14 @@ impl ShadowView {
                 // an axis from its four texels.
                 0.5 * estimator.reach,
             ],
+            linear: [0.0; 4],
         }
+    }
+
+    /// The same view with linear depth, for estimators that read a filterable store.
+    #[must_use]
+    pub fn with_linear(self, depth: &LinearDepth) -> Self {
+        Self { linear: depth.coefficients.map(|c| c as f32), ..self }
     }
 
     /// A view into which no caster falls: everything is outside of it, hence lit.

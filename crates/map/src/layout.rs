@@ -1,0 +1,86 @@
+//! How a light's views are arranged: what shaders link, and who fits the views.
+
+use std::fmt;
+
+use antumbra_gpu::{Frame, GpuError};
+use antumbra_scene::Light;
+use antumbra_shaders::{Slot, module};
+use glam::DVec3;
+
+use crate::{FittedView, Fitting};
+
+/// How casters get into a view of the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drawing {
+    /// By [`antumbra_gpu::Casters::draw`] with the view's matrix: projections that keep lines straight.
+    Matrix,
+    /// By `map::traced`: each texel is traced along its own ray, so that edges are as curved as the projection
+    /// makes them. Needs [`antumbra_gpu::Casters::triangles`].
+    Traced,
+    /// By `map::warped`: vertices go where the projection takes them, and edges stay straight in between. Needs
+    /// [`antumbra_gpu::Casters::triangles`].
+    Warped,
+}
+
+/// A layout: in which view of the map a point lies, and how a view projects.
+///
+/// Open to other crates: cascades, warped maps and pages are layouts with shader modules of their own, fitted
+/// by an [`Arrange`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Binding of the slot `layout`, whose `select_view(p)` may look at all views (`map::views::view_at`); and
+    /// of `common::projection`, whatever that imports, where views are given by more than a matrix.
+    pub slots: Vec<Slot>,
+    /// Number of views.
+    pub views: usize,
+    /// How casters are drawn.
+    pub drawing: Drawing,
+}
+
+impl Layout {
+    /// One view: directional and spot lights.
+    #[must_use]
+    pub fn single() -> Self {
+        Self::of_matrices("map::layout_single", 1)
+    }
+
+    /// Six views, one an axis direction, around a position: +x, -x, +y, -y, +z, -z.
+    #[must_use]
+    pub fn cube() -> Self {
+        Self::of_matrices("map::layout_cube", 6)
+    }
+
+    /// `views` views given by their matrices, of which the shader module `path` selects one.
+    #[must_use]
+    pub fn of_matrices(path: &'static str, views: usize) -> Self {
+        Self { slots: vec![module("layout", path)], views, drawing: Drawing::Matrix }
+    }
+
+    /// The layout that serves a light by default: one view for directional and spot lights, a cube for the
+    /// others.
+    #[must_use]
+    pub fn of(light: &Light) -> Self {
+        match light {
+            Light::Directional { .. } | Light::Spot { .. } => Self::single(),
+            _ => Self::cube(),
+        }
+    }
+}
+
+/// Chooses a layout for a light and fits its views; [`crate::Omni`] is the ready-made one.
+pub trait Arrange: fmt::Debug {
+    /// The layout under `light`. Where it changes, passes are compiled anew.
+    fn layout(&self, light: &Light) -> Layout;
+
+    /// The views of the frame's light, as many as its layout has, for casters whose convex hull is that of
+    /// `hull` (world space).
+    ///
+    /// # Errors
+    /// A frame that cannot be served.
+    fn fit(
+        &self,
+        frame: &Frame<'_>,
+        hull: &[DVec3],
+        fitting: &Fitting,
+    ) -> Result<Vec<FittedView>, GpuError>;
+}
