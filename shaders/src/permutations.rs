@@ -47,8 +47,24 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 4] =
-        ["gpu::light_depth", "gpu::view_samples", "gpu::unproject", "gpu::probe"];
+    const PASSES: [&str; 16] = [
+        "gpu::light_depth",
+        "gpu::view_samples",
+        "gpu::unproject",
+        "gpu::probe",
+        "map::planar",
+        "map::shadow_texture",
+        "map::mask_blur",
+        "map::disc",
+        "gpu::scan",
+        "volume::triangle_faces",
+        "volume::count",
+        "volume::eye",
+        "volume::resolve",
+        "volume::triangle",
+        "volume::receivers",
+        "volume::silhouettes",
+    ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
     for (name, root, chart) in [
@@ -57,6 +73,13 @@ pub fn permutations() -> Vec<Permutation> {
         ("map-warped-paraboloid", "map::warped", "map::paraboloid"),
     ] {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
+    }
+    for (layout, slots) in layouts() {
+        all.push(Permutation {
+            name: format!("map-sampling-error-{layout}"),
+            root: "map::sampling_error",
+            slots,
+        });
     }
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {

@@ -10,8 +10,19 @@ use antumbra_scene::{Light, LightKind, Scene, generate};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
-/// All techniques and the variants that differ in more than numbers, on maps of `size` texels.
+/// Techniques that shadow planes alone, or by bounds alone: not right on any receiver.
+const PLANES_ONLY: [&str; 3] = ["map/planar", "map/shadow-texture", "map/disc"];
+
+/// All techniques that shadow any receiver, and the variants that differ in more than numbers, on maps of `size`
+/// texels.
 fn techniques(size: u32) -> Vec<Config> {
+    let mut all = every_technique(size);
+    all.retain(|config| !PLANES_ONLY.contains(&config.id()));
+    all
+}
+
+/// The same and those for planes.
+fn every_technique(size: u32) -> Vec<Config> {
     let mut all = catalogue();
     all.extend([
         Config::PcfGrid(PcfGrid { side: 2, ..Default::default() }),
@@ -231,6 +242,8 @@ fn culling_saves_draws_and_changes_nothing() {
     let gpu = gpu();
     let scene = room_with_poles();
     let mut stage = stage(&gpu, &scene);
+    // What the camera sees narrows the fit, which is another matter.
+    stage.set_camera(None);
     let lights = [
         Light::Point { position: DVec3::new(0.3, 0.5, -0.2) },
         Light::Spot { position: DVec3::ZERO, direction: DVec3::X, outer_angle: 0.6 },
@@ -244,8 +257,8 @@ fn culling_saves_draws_and_changes_nothing() {
                 shots.push(stage.shoot(&gpu, light, technique.as_mut(), 0).expect("a shot"));
             }
             assert_eq!(shots[0].visibility, shots[1].visibility, "{config:?}");
-            let (culled, all) = (shots[0].counters["map_draws"], shots[1].counters["map_draws"]);
-            assert!(culled < all, "{config:?}: {culled} draws with culling, {all} without");
+            let [culled, all] = [0, 1].map(|i: usize| shots[i].counters["map_triangles"]);
+            assert!(culled < all, "{config:?}: {culled} triangles with culling, {all} without");
         }
     }
 }
@@ -264,7 +277,7 @@ fn a_floor_under_the_light_is_culled_and_shadows_stay_where_they_are() {
             shots.push(stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot"));
         }
         assert!(
-            shots[0].counters["map_draws"] < shots[1].counters["map_draws"],
+            shots[0].counters["map_triangles"] < shots[1].counters["map_triangles"],
             "{light:?}: the floor is drawn"
         );
         // With the floor in it a map's window is larger and its texels are others, so that pixels along
@@ -318,7 +331,7 @@ fn runs_are_bit_identical_also_on_a_new_device() {
             let stage = stage(&gpu, &scene);
             let mut all = Vec::new();
             for light in lights(&scene) {
-                for config in techniques(512) {
+                for config in every_technique(512) {
                     let first = shoot(&gpu, &stage, &light, &config);
                     let second = shoot(&gpu, &stage, &light, &config);
                     assert!(first == second, "{config:?}, {light:?}: two runs differ");
@@ -352,7 +365,7 @@ fn a_steady_frame_allocates_nothing() {
         }
     }
     // Every technique, by its bytes.
-    for config in techniques(512) {
+    for config in every_technique(512) {
         for light in lights(&scene) {
             let mut technique = config.build(&gpu).expect("a valid config");
             let frame = stage.frame(&light);
@@ -366,7 +379,7 @@ fn a_steady_frame_allocates_nothing() {
 
 /// Number of pixels whose visibility differs by more than 1/256 under any technique, at most.
 fn differing(gpu: &Gpu, a: (&Stage, &Light), b: (&Stage, &Light)) -> usize {
-    let counts = techniques(512).into_iter().map(|config| {
+    let counts = every_technique(512).into_iter().map(|config| {
         let pair = shoot(gpu, a.0, a.1, &config).into_iter().zip(shoot(gpu, b.0, b.1, &config));
         pair.filter(|(a, b)| (a - b).abs() > 1.0 / 256.0).count()
     });

@@ -41,7 +41,7 @@ fn bounds(clip: &DMat4, size: f64, p: DVec3, at: &twin::Lookup) -> Bounds {
     let texel = error(4.0).truncate() * 0.5 * size + 3.0 * U * size;
     let g = at.gradient.abs();
     let e = error(9.0);
-    let rounding = e.z + g.dot(e.truncate() * 0.5 * size + 3.0 * U * size) + 3.0 * U + U;
+    let rounding = e.z + g.dot(e.truncate() * 0.5 * size + 6.0 * U * size) + 6.0 * U * ndc.z.abs();
     Bounds { texel, rounding }
 }
 
@@ -278,6 +278,9 @@ fn exact(view: &FittedView, size: f64, p: DVec3, n: DVec3, estimator: &Estimator
     let slack = bounds.rounding
         + (reach + f64::from(SUBPIXEL_STEP)) * (g.x + g.y)
         + 0.5 * reach * (cone.x + cone.y);
+    let cosine = n.dot(to_light).max(1e-4);
+    let tangent = ((1.0 - cosine * cosine).max(0.0).sqrt() / cosine).max(1.0);
+    let cone = cone * (0.5 * (tangent + 1.0 / tangent));
     Exact { at, bounds, slack, cone }
 }
 

@@ -105,6 +105,12 @@ macro_rules! techniques {
 techniques! {
     /// The plain shadow map.
     Plain(antumbra_map::Plain) = "map/plain",
+    /// Casters flattened onto planes.
+    Planar(antumbra_map::Planar) = "map/planar",
+    /// A mask of the casters, thrown onto planes.
+    ShadowTexture(antumbra_map::ShadowTexture) = "map/shadow-texture",
+    /// A disc under each body.
+    Disc(antumbra_map::DiscShadows) = "map/disc",
     #[cfg(feature = "filter")]
     /// Bilinear comparison in hardware.
     PcfHardware(antumbra_filter::PcfHardware) = "filter/pcf-hardware",

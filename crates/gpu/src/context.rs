@@ -153,6 +153,31 @@ impl Gpu {
         })
     }
 
+    /// Makes the compute pipeline of one entry point, whose bind groups are `groups`.
+    #[must_use]
+    pub fn compute_pipeline(
+        &self,
+        label: &str,
+        module: &wgpu::ShaderModule,
+        entry_point: &str,
+        groups: &[&wgpu::BindGroupLayout],
+    ) -> wgpu::ComputePipeline {
+        let groups: Vec<_> = groups.iter().copied().map(Some).collect();
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &groups,
+            immediate_size: 0,
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: Some(&layout),
+            module,
+            entry_point: Some(entry_point),
+            compilation_options: Default::default(),
+            cache: None,
+        })
+    }
+
     fn keep_faults(&self) {
         let faults = Arc::clone(&self.faults);
         let keep = move |fault| {

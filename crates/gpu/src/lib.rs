@@ -9,6 +9,7 @@
 //! their precision. Clip space is WebGPU's: z in [0, 1], y up; texture v runs down.
 
 mod context;
+mod edges;
 mod error;
 mod expectation;
 mod mesh_set;
@@ -17,9 +18,11 @@ mod probe;
 mod readback;
 mod record;
 mod samples;
+mod scan;
 mod technique;
 
 pub use context::{Gpu, GpuOptions};
+pub use edges::{Body, CasterEdges, EdgeFault, Edges};
 pub use error::GpuError;
 pub use expectation::Expectation;
 pub use mesh_set::MeshSet;
@@ -28,9 +31,10 @@ pub use probe::{Check, Probe, Verdict, probe};
 pub use readback::{read_buffer, read_f32_texture};
 pub use record::{PassTime, PassTimes, Recorder, Timer};
 pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSamples};
+pub use scan::Scan;
 pub use technique::{
-    CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique, TechniqueConfig,
-    ViewCamera, light_view_layout,
+    CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique,
+    TechniqueConfig, ViewCamera, light_view_layout,
 };
 
 pub use wgpu;

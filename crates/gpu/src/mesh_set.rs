@@ -1,14 +1,15 @@
 //! A ready-made set of meshes: casters for the light, and view samples for the camera.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use antumbra_scene::{Bounds, Camera, Light, MeshError, Scene, Triangles};
-use glam::{DVec3, DVec4, Mat4, Vec4};
+use glam::{DVec3, DVec4, Vec3, Vec4};
 
 use crate::record::depth_attachment;
 use crate::{
-    CasterTriangles, Casters, Drawn, Gpu, GpuError, LightView, Recorder, ViewCamera, ViewSamples,
-    bind, entries, light_view_layout,
+    CasterBody, CasterEdges, CasterTriangles, Casters, Drawn, Edges, Gpu, GpuError, LightView,
+    Recorder, ViewCamera, ViewSamples, bind, entries, light_view_layout,
 };
 
 /// The triangles of a scene on the GPU.
@@ -25,6 +26,9 @@ pub struct MeshSet {
     camera: wgpu::Buffer,
     camera_group: wgpu::BindGroup,
     cull: bool,
+    /// Positions and triangles, for the edges, which are made when first asked for.
+    geometry: (Vec<Vec3>, Vec<[u32; 3]>),
+    edges: OnceLock<CasterEdges>,
 }
 
 /// One instance of the scene.
@@ -34,10 +38,25 @@ struct Part {
     indices: Range<u32>,
     /// World-space box.
     bounds: Bounds,
+    /// Its triangles in groups, in the order of the index buffer.
+    clusters: Vec<Cluster>,
     /// For a flat part that bounds the scene: its plane (xyz unit normal, w offset), the rest of the
     /// scene on the positive side.
     floor: Option<DVec4>,
 }
+
+/// Triangles of one instance that lie near one another.
+#[derive(Clone, Debug)]
+struct Cluster {
+    /// Their range in the index buffer.
+    indices: Range<u32>,
+    /// World-space box.
+    bounds: Bounds,
+}
+
+/// Most triangles of a cluster: what meshlets have (Kubisch, "Introduction to Turing Mesh Shaders", 2018, advises
+/// up to 126), in the next lower power of two.
+const CLUSTER: usize = 64;
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -64,7 +83,8 @@ impl MeshSet {
         Self::from_triangles(gpu, &triangles)
     }
 
-    /// Uploads triangles whose positions are finite and whose indices are in range.
+    /// Uploads triangles whose positions are finite and whose indices are in range. Within an instance they are
+    /// reordered, so that neighbours in space are neighbours in the index buffer and can be culled together.
     ///
     /// # Errors
     /// More data than the device takes in one buffer.
@@ -91,11 +111,8 @@ impl MeshSet {
             bytemuck::cast_slice(&triangles.positions),
             wgpu::BufferUsages::VERTEX,
         );
-        let indices = buffer(
-            "indices",
-            bytemuck::cast_slice(&triangles.triangles),
-            wgpu::BufferUsages::INDEX,
-        );
+        let (parts, order) = parts(triangles);
+        let indices = buffer("indices", bytemuck::cast_slice(&order), wgpu::BufferUsages::INDEX);
         let camera = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("camera"),
             size: size_of::<CameraUniform>() as u64,
@@ -113,7 +130,7 @@ impl MeshSet {
             ],
         });
         Ok(Self {
-            parts: parts(triangles),
+            parts,
             origin: triangles.origin,
             positions,
             indices,
@@ -124,11 +141,13 @@ impl MeshSet {
             camera,
             camera_group,
             cull: true,
+            geometry: (triangles.positions.clone(), triangles.triangles.clone()),
+            edges: OnceLock::new(),
         })
     }
 
-    /// With `false`, every part is drawn into every light view, and views are fitted to floors as well. Parts
-    /// outside a view never change visibility; a floor only changes how much a texel covers. For proving it.
+    /// With `false`, every triangle is drawn into every light view, and views are fitted to all of them, floors and
+    /// what is out of sight included. Culling only changes how much a texel covers. For proving it.
     pub fn set_culling(&mut self, cull: bool) {
         self.cull = cull;
     }
@@ -208,20 +227,49 @@ impl Casters for MeshSet {
         }
     }
 
+    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
+        for cluster in self.casting(light).flat_map(|part| &part.clusters) {
+            visit(cluster.bounds);
+        }
+    }
+
+    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
+        if self.cull {
+            self.parts.iter().flat_map(|part| &part.clusters).for_each(|c| visit(c.bounds));
+        }
+        self.cull
+    }
+
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
         let mut drawn = Drawn::default();
         pass.set_pipeline(&self.depth);
         pass.set_bind_group(0, view.bind_group, &[view.offset]);
         pass.set_vertex_buffer(0, self.positions.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+        let mut draw = |range: Range<u32>| {
+            if !range.is_empty() {
+                drawn.draws += 1;
+                drawn.triangles += u64::from((range.end - range.start) / 3);
+                pass.draw_indexed(range, 0, 0..1);
+            }
+        };
+        // Clusters that follow one another are drawn in one call.
+        let mut run = 0..0;
         for part in self.casting(view.light) {
-            if self.cull && outside(view.clip, &part.bounds, view.origin) {
+            if self.cull && outside(view, &part.bounds) {
                 continue;
             }
-            pass.draw_indexed(part.indices.clone(), 0, 0..1);
-            drawn.draws += 1;
-            drawn.triangles += u64::from((part.indices.end - part.indices.start) / 3);
+            for cluster in &part.clusters {
+                if self.cull && outside(view, &cluster.bounds) {
+                    continue;
+                }
+                if run.end != cluster.indices.start {
+                    draw(std::mem::replace(&mut run, cluster.indices.clone()));
+                }
+                run.end = cluster.indices.end;
+            }
         }
+        draw(run);
         drawn
     }
 
@@ -233,34 +281,75 @@ impl Casters for MeshSet {
             triangles: self.triangles,
         })
     }
+
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody)) {
+        for part in &self.parts {
+            visit(&CasterBody { bounds: part.bounds, floor: part.floor });
+        }
+    }
+
+    fn edges(&self, gpu: &Gpu) -> Result<Option<&CasterEdges>, GpuError> {
+        if let Some(made) = self.edges.get() {
+            return Ok(Some(made));
+        }
+        let (positions, triangles) = &self.geometry;
+        let made = CasterEdges::new(gpu, &Edges::new(positions, triangles))?;
+        Ok(Some(self.edges.get_or_init(|| made)))
+    }
 }
 
-/// Whether the whole box lies beyond one plane of the clip volume. Near and far do not count: what lies
-/// between the light and its near plane is the fit's business.
-fn outside(clip: Mat4, bounds: &Bounds, origin: DVec3) -> bool {
-    let corners = bounds.corners().map(|c| clip * (c - origin).as_vec3().extend(1.0));
+/// Whether the whole box lies beyond one plane of the clip volume, or of the volume that matters. Near and far do
+/// not count: what lies between the light and its near plane is the fit's business.
+fn outside(view: &LightView<'_>, bounds: &Bounds) -> bool {
+    let corners = bounds.corners().map(|c| c - view.origin);
+    let clipped = corners.map(|c| view.clip * c.as_vec3().extend(1.0));
     let beyond: [fn(&Vec4) -> bool; 5] =
         [|c| c.x > c.w, |c| -c.x > c.w, |c| c.y > c.w, |c| -c.y > c.w, |c| c.w <= 0.0];
-    beyond.iter().any(|plane| corners.iter().all(plane))
+    let behind = |plane: &DVec4| corners.iter().all(|c| plane.truncate().dot(*c) + plane.w < 0.0);
+    beyond.iter().any(|plane| clipped.iter().all(plane)) || view.volume.iter().any(behind)
 }
 
-fn parts(triangles: &Triangles) -> Vec<Part> {
-    let mut parts: Vec<Part> = triangles
-        .instances
-        .iter()
-        .filter(|range| !range.is_empty())
-        .map(|range| {
-            let points = triangles.triangles[range.clone()].iter().flatten();
-            let bounds = Bounds::of(
-                points.map(|&i| triangles.positions[i as usize].as_dvec3() + triangles.origin),
-            );
-            Part { indices: range.start as u32 * 3..range.end as u32 * 3, bounds, floor: None }
-        })
-        .collect();
+/// The instances of `triangles`, and the triangles in the order of their clusters.
+fn parts(triangles: &Triangles) -> (Vec<Part>, Vec<[u32; 3]>) {
+    let place = |i: u32| triangles.positions[i as usize].as_dvec3() + triangles.origin;
+    let mut order = triangles.triangles.clone();
+    let mut parts = Vec::new();
+    for range in triangles.instances.iter().filter(|range| !range.is_empty()) {
+        let mut clusters = Vec::new();
+        split(&mut order[range.clone()], range.start, &place, &mut clusters);
+        let bounds = clusters.iter().fold(Bounds::EMPTY, |all, c| all.union(c.bounds));
+        let indices = range.start as u32 * 3..range.end as u32 * 3;
+        parts.push(Part { indices, bounds, clusters, floor: None });
+    }
     for i in 0..parts.len() {
         parts[i].floor = floor_plane(triangles, &parts, i);
     }
-    parts
+    (parts, order)
+}
+
+/// Splits `triangles`, the first of which is number `first`, into clusters: in halves by their middles along the
+/// longest side of the box around these.
+fn split(
+    triangles: &mut [[u32; 3]],
+    first: usize,
+    place: &impl Fn(u32) -> DVec3,
+    clusters: &mut Vec<Cluster>,
+) {
+    if triangles.len() <= CLUSTER {
+        let indices = first as u32 * 3..(first + triangles.len()) as u32 * 3;
+        let bounds = Bounds::of(triangles.iter().flatten().map(|i| place(*i)));
+        clusters.push(Cluster { indices, bounds });
+        return;
+    }
+    let middle = |t: &[u32; 3]| t.iter().map(|i| place(*i)).sum::<DVec3>();
+    let spread = Bounds::of(triangles.iter().map(middle));
+    let axis = (spread.max - spread.min).max_position();
+    let half = triangles.len() / 2;
+    // Ties are broken by the vertices, so that the order is that of the triangles and no chance's.
+    triangles.sort_by(|s, t| middle(s)[axis].total_cmp(&middle(t)[axis]).then(s.cmp(t)));
+    let (low, high) = triangles.split_at_mut(half);
+    split(low, first, place, clusters);
+    split(high, first + half, place, clusters);
 }
 
 /// The plane of part `i`, when the part is flat and no other part reaches below it.

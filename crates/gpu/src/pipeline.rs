@@ -34,6 +34,12 @@ pub mod entries {
         buffer(binding, stages, BufferBindingType::Storage { read_only: true })
     }
 
+    /// A storage buffer that may be written.
+    #[must_use]
+    pub fn write_storage(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        buffer(binding, stages, BufferBindingType::Storage { read_only: false })
+    }
+
     fn buffer(binding: u32, stages: ShaderStages, ty: BufferBindingType) -> BindGroupLayoutEntry {
         let ty = BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
         entry(binding, stages, ty)
@@ -76,6 +82,12 @@ pub mod entries {
             stages,
             BindingType::Texture { sample_type, view_dimension, multisampled: false },
         )
+    }
+
+    /// A texture of integers, as of a stencil (`texture_2d<u32>`).
+    #[must_use]
+    pub fn integers(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        texture(binding, stages, false, TextureSampleType::Uint)
     }
 
     /// A comparison sampler.
@@ -151,6 +163,12 @@ impl<Key: PartialEq> BindGroupCache<Key> {
                 (key, group)
             })
             .1
+    }
+
+    /// The bind group made last, if any.
+    #[must_use]
+    pub fn kept(&self) -> Option<&wgpu::BindGroup> {
+        self.kept.as_ref().map(|(_, group)| group)
     }
 }
 

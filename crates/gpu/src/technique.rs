@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use antumbra_scene::Light;
-use glam::{DMat4, DVec3, Mat4};
+use antumbra_scene::{Bounds, Light};
+use glam::{DMat4, DVec3, DVec4, Mat4};
 
-use crate::{Expectation, Gpu, GpuError, Recorder, ViewSamples};
+use crate::{CasterEdges, Expectation, Gpu, GpuError, Recorder, ViewSamples};
 
 /// Deterministic work counters, by name: texels, draws, triangles, tiles, fetches, bytes.
 pub type Counters = BTreeMap<&'static str, u64>;
@@ -59,8 +59,18 @@ pub trait Technique {
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError>;
 
-    /// Work of the last [`Technique::encode`].
+    /// Work of the last [`Technique::encode`], as far as the CPU knows it.
     fn counters(&self) -> Counters;
+
+    /// As [`Technique::counters`], with what only the GPU knows of the last submitted frame (sizes of lists
+    /// that it made itself). Waits: for tests and measurements.
+    ///
+    /// # Errors
+    /// A lost device.
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let _ = gpu;
+        Ok(self.counters())
+    }
 
     /// Bytes of GPU memory held.
     fn bytes(&self) -> u64;
@@ -83,6 +93,9 @@ pub struct LightView<'a> {
     pub light: &'a Light,
     /// World position of the zero of all `f32` positions, metres.
     pub origin: DVec3,
+    /// Half-spaces (xyz inward unit normal, w offset; points relative to the frame's origin). A caster that lies
+    /// wholly outside of one of them need not be drawn: it shadows nothing that is looked up.
+    pub volume: &'a [DVec4],
 }
 
 /// What one call of [`Casters::draw`] drew.
@@ -101,6 +114,25 @@ pub trait Casters {
     /// can shadow something under `light`. Without a caster there is no call.
     fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3));
 
+    /// Calls `visit` with boxes (world space, metres) that together hold every caster that can shadow something
+    /// under `light`. The smaller they are, the more of the map goes to casters that matter. By default one box
+    /// around the hull.
+    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
+        let mut all = Bounds::EMPTY;
+        self.hull(light, &mut |p| all = all.union(Bounds { min: p, max: p }));
+        if !all.is_empty() {
+            visit(all);
+        }
+    }
+
+    /// Calls `visit` with boxes (world space, metres) that together hold everything that view samples may lie on,
+    /// and returns `true`; or returns `false`, as by default, where that is not known: then shadows are cast
+    /// everywhere, and all casters are drawn.
+    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
+        let _ = visit;
+        false
+    }
+
     /// Draws depth into `pass`, which has one depth attachment of `view.format` and no colour. The
     /// pass's viewport is the whole layer. Both faces of every triangle are to be drawn.
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn;
@@ -110,6 +142,33 @@ pub trait Casters {
     fn triangles(&self) -> Option<CasterTriangles<'_>> {
         None
     }
+
+    /// Calls `visit` with every body, whether it can shadow something or not. Techniques that shadow floors
+    /// find them here, and those that know casters by their bounds alone; an application that keeps them to
+    /// itself makes no call.
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody)) {
+        let _ = visit;
+    }
+
+    /// The edges of [`Casters::triangles`], for techniques that extrude silhouettes: [`CasterEdges`] made once
+    /// and kept as long as the indices stay the same. `None` where nobody made them: such techniques then refuse.
+    ///
+    /// # Errors
+    /// More data than the device takes in one buffer.
+    fn edges(&self, gpu: &Gpu) -> Result<Option<&CasterEdges>, GpuError> {
+        let _ = gpu;
+        Ok(None)
+    }
+}
+
+/// What [`Casters::bodies`] says of one body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CasterBody {
+    /// World-space box, metres.
+    pub bounds: Bounds,
+    /// For a flat body that bounds the scene, its plane in world space: xyz unit normal, w offset in metres;
+    /// no other body reaches below it.
+    pub floor: Option<DVec4>,
 }
 
 /// The triangles of casters, for techniques that need more than their depth.

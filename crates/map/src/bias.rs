@@ -25,7 +25,8 @@ pub struct Bias {
     /// 2006): a texel that is nearer to the light by less is the receiver's own surface, bent, not a caster
     /// above it. >= 0, default 2, the slope between the two sides of a right-angled crease that the light
     /// meets evenly: where it meets one side at angle a the sides differ by tan a + 1 / tan a, which is least,
-    /// 2, at 45 degrees. 0 darkens creases, kerbs and paint on roads within the kernel's radius; the leak at a
+    /// 2, at 45 degrees. For receivers that the light meets at more than that the cone widens in this proportion.
+    /// 0 darkens creases, kerbs and paint on roads within the kernel's radius; the leak at a
     /// contact grows by half the cone's slope times the kernel's radius.
     pub cone: f32,
     /// Factor on the rounding term, >= 0, default 1.

@@ -4,6 +4,7 @@
 
 use antumbra_gpu::Expectation;
 
+use crate::projection::expectation::isolated;
 use crate::{Estimator, MapConfig};
 
 /// What theory says, on the hard case named `case`, of a technique that compares the receiver's plane with a
@@ -16,7 +17,7 @@ pub fn expectation(map: &MapConfig, estimator: &Estimator, case: &str) -> Option
 /// Techniques that compare the receiver's plane with a depth map fitted to the casters, of `size` texels a
 /// side.
 fn depth_map(estimator: &Estimator, size: u32, case: &str) -> Option<Expectation> {
-    use Expectation::{Holds, KnownLimit};
+    use Expectation::Holds;
     let (radius, size) = (f64::from(estimator.radius), f64::from(size));
     // The map keeps a guard band of the kernel's radius and one texel around the casters, which makes its
     // texels larger than those of the ideal map that the cases count in.
@@ -38,21 +39,35 @@ fn depth_map(estimator: &Estimator, size: u32, case: &str) -> Option<Expectation
         | "HC-01 B, sun overhead"
         | "HC-01 C, slanting sun"
         | "HC-01 B, turned 30 degrees"
-        | "HC-02 light amid the caster" => Holds { bound: reach },
+        | "HC-02 light amid the caster"
+        | "HC-02 in view"
+        | "HC-23 light at the eye"
+        | "HC-25 caster out of sight"
+        | "HC-19 three and four triangles on an edge"
+        | "HC-20 winding without a side"
+        | "HC-22 vertex on an edge" => Holds { bound: reach },
         "HC-04 thin wall" | "HC-05 cube" => Holds { bound: gap },
-        // Reversed float depth keeps 1 part in 2^23 of the distance; the case needs 1 in 10000.
-        "HC-13 depth precision" => Holds { bound: 0.0 },
-        // The front plate is lit, and so is all of the rear one.
-        "HC-13 depth precision, near caster" => KnownLimit {
-            at_least: 0.5,
-            at_most: 0.5,
-            because: "the lookup bounds the rounding of depth by 4 steps of 2^-24, relative to 1 and not \
-                      to the depth, which this near plane makes 2e-4: 0.6 m at 500 m",
-        },
+        // Reversed float depth keeps 1 part in 2^23 of the distance, and the lookup's rounding is bounded relative
+        // to it; the case needs 1 in 10000.
+        "HC-13 depth precision" | "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
         // All f32 positions are relative to an origin near the scene.
         "HC-14 far from the origin" => Holds { bound: 0.0 },
         "HC-31 wire below a texel" => wire(radius, size, texel),
-        // The map is fitted to the casters, wherever they are.
+        "HC-22 T-junction" => Holds { bound: isolated(radius, size) },
+        // Edge-on or above the light a caster hides nothing below; around it, everything.
+        "HC-24 light at a vertex" | "HC-24 light in a cube" | "HC-24 light on the floor" => {
+            Holds { bound: 0.0 }
+        }
+        // The window moves in whole texels, so that an edge moves by what the rasteriser rounds, 1/256 texel an
+        // axis. Of the floor, 6 m of outline lie in every 9 m^2; a texel covers what is seen, 14 m, in steps of 9 %
+        // and with the window's own step. As many samples again for the chance of which points lie in so narrow a
+        // strip, of 2^14.
+        "HC-39 creeping camera" => {
+            let strip =
+                std::f64::consts::SQRT_2 / 256.0 * (14.0 * 1.09 * (texel + 1.0 / size) / size);
+            Holds { bound: 2.0 * (6.0 / 9.0 * strip + 2f64.powi(-14)) }
+        }
+        // The map is fitted to what can shadow the receivers, wherever that is.
         "HC-40 casters out of view" => Holds { bound: 0.0 },
         _ => return None,
     })

@@ -7,7 +7,7 @@ use antumbra_scene::Light;
 use antumbra_shaders::{Slot, module};
 use glam::DVec3;
 
-use crate::{FittedView, Fitting};
+use crate::{Fitting, SeenView, Sight};
 
 /// How casters get into a view of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +73,7 @@ pub trait Arrange: fmt::Debug {
     fn layout(&self, light: &Light) -> Layout;
 
     /// The views of the frame's light, as many as its layout has, for casters whose convex hull is that of
-    /// `hull` (world space).
+    /// `hull` (world space), of which only those count that can shadow something in `sight`, where that is known.
     ///
     /// # Errors
     /// A frame that cannot be served.
@@ -81,6 +81,7 @@ pub trait Arrange: fmt::Debug {
         &self,
         frame: &Frame<'_>,
         hull: &[DVec3],
+        sight: Option<&Sight<'_>>,
         fitting: &Fitting,
-    ) -> Result<Vec<FittedView>, GpuError>;
+    ) -> Result<Vec<SeenView>, GpuError>;
 }

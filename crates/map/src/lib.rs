@@ -6,6 +6,7 @@
 //! visibility. [`ShadowMap`] owns layout and store and
 //! draws the casters; [`Resolve`] links a layout with an estimator and works on any depth map, also one
 //! that the application draws; [`MapTechnique`] is both together behind [`antumbra_gpu::Technique`].
+//! [`projection`] shadows planes without a depth map. [`SamplingError`] measures how many pixels a texel spans.
 //!
 //! Nothing needs tuning: the receiver's own plane gives each texel its reference depth, and what remains
 //! is a rounding bound that the shader derives per sample (`common/lookup.wesl`).
@@ -18,22 +19,28 @@ mod fit;
 mod layout;
 mod linear;
 mod omni;
+pub mod projection;
 mod resolve;
+mod sampling_error;
 mod shadow_map;
 mod store;
 mod technique;
 pub mod twin;
 mod view;
+mod visible;
 
 pub use bias::Bias;
 pub use estimator::{Estimator, MapRead};
 pub use expectation::expectation;
-pub use fit::{FittedView, Fitting, fit};
+pub use fit::{FittedView, Fitting, SeenView, Sight, fit, fit_seen};
 pub use layout::{Arrange, Drawing, Layout};
 pub use linear::LinearDepth;
 pub use omni::Omni;
+pub use projection::{DiscShadows, Planar, Plane, ShadowTexture};
 pub use resolve::Resolve;
+pub use sampling_error::{SamplingError, TexelOnScreen};
 pub use shadow_map::ShadowMap;
 pub use store::Store;
 pub use technique::{MapConfig, MapTechnique, Plain};
 pub use view::{DepthConvention, ShadowView};
+pub use visible::VisibleRegion;

@@ -51,6 +51,16 @@ impl LinearDepth {
         Self { coefficients: [-near, b + near * a, range, -a * range].map(|c| c * sign) }
     }
 
+    /// The function for a curved view from `eye`, whose depth is `near` over the distance from the light: linear in
+    /// that distance.
+    #[must_use]
+    pub fn radial(near: f64, eye: DVec3, hull: &[DVec3]) -> Self {
+        let (first, last) = span(hull.iter().map(|p| p.distance(eye).max(near)));
+        // A window as wide as what it shows is deep.
+        let range = end(first, last, 2.0 * last) - first;
+        Self { coefficients: [-first, near, range, 0.0] }
+    }
+
     /// Linear depth of the map's depth `d`.
     #[must_use]
     pub fn of(&self, d: f64) -> f64 {

@@ -6,8 +6,8 @@ use antumbra_shaders::module;
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
-use crate::fit::{NEAREST_SHARE, perspective, validate};
-use crate::{Arrange, Drawing, FittedView, Fitting, Layout, fit};
+use crate::fit::{NEAREST_SHARE, fit_perspective, validate};
+use crate::{Arrange, Drawing, FittedView, Fitting, Layout, SeenView, Sight, fit_seen};
 
 /// How the directions around a point, sphere, rectangle or disc light are laid out in a map. Directional and spot
 /// lights have one view whatever is chosen here.
@@ -83,26 +83,26 @@ impl Arrange for Omni {
         &self,
         frame: &Frame<'_>,
         hull: &[DVec3],
+        sight: Option<&Sight<'_>>,
         fitting: &Fitting,
-    ) -> Result<Vec<FittedView>, GpuError> {
+    ) -> Result<Vec<SeenView>, GpuError> {
         let light = frame.light;
         let single = matches!(light, Light::Directional { .. } | Light::Spot { .. });
         let Some(center) = light.position().filter(|_| !single && *self != Self::Cube) else {
-            return fit(light, hull, fitting);
+            return fit_seen(light, hull, sight, fitting);
         };
         validate(light)?;
         let eye = center - fitting.origin;
         // Relative to the light.
         let rays: Vec<DVec3> = hull.iter().map(|p| *p - center).collect();
         let half_width = Self::half_width(fitting.size, fitting.guard);
-        let view = |clip| FittedView { clip, light: eye.extend(1.0) };
+        let view = |clip| SeenView::whole(FittedView { clip, light: eye.extend(1.0) });
         Ok(match self {
             Self::Cube => unreachable!("served by `fit`"),
             Self::Tetrahedron => {
-                let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
                 let face = |k| {
                     let (basis, tan_limit) = tetrahedron_face(k);
-                    view(perspective(eye, basis, tan_limit, &points, fitting))
+                    fit_perspective(light, (eye, basis, tan_limit), hull, sight, fitting)
                 };
                 (0..4).map(face).collect()
             }

@@ -1,10 +1,14 @@
 //! The depth texture of a light and the passes that fill it.
 
 use antumbra_gpu::{Counters, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
-use glam::{DVec3, Mat4};
+use antumbra_scene::Bounds;
+use glam::{DVec3, DVec4, Mat4};
 
 use crate::chart_pass::{ChartPass, triangles_of};
-use crate::{Arrange, DepthConvention, Drawing, FittedView, Fitting, LinearDepth};
+use crate::{
+    Arrange, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView, Sight,
+    VisibleRegion,
+};
 
 /// Fitted views of a light and the depth map that holds them, one layer a view with casters.
 #[derive(Debug)]
@@ -18,7 +22,10 @@ pub struct ShadowMap {
     layers: Option<Layers>,
     views: Vec<FittedView>,
     linear: Vec<LinearDepth>,
+    volumes: Vec<Vec<DVec4>>,
     hull: Vec<DVec3>,
+    casters: Vec<Bounds>,
+    receivers: Vec<Bounds>,
     counters: Counters,
 }
 
@@ -79,12 +86,15 @@ impl ShadowMap {
             layers: None,
             views: Vec::new(),
             linear: Vec::new(),
+            volumes: Vec::new(),
             hull: Vec::new(),
+            casters: Vec::new(),
+            receivers: Vec::new(),
             counters: Counters::new(),
         })
     }
 
-    /// Fits the views to the frame's casters, uploads their matrices, and makes the layers that they need.
+    /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their matrices, and makes the layers that they need.
     ///
     /// # Errors
     /// A light that cannot be fitted, or a failed allocation.
@@ -93,16 +103,16 @@ impl ShadowMap {
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
         let fitting = Fitting { origin: frame.origin, size: self.size, guard: self.guard };
-        self.views = self.arrange.fit(frame, &self.hull, &fitting)?;
+        let region = self.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
+        let seen = self.arrange.fit(frame, &self.hull, sight.as_ref(), &fitting)?;
+        (self.views, self.volumes) =
+            seen.into_iter().map(|SeenView { view, volume }| (view, volume)).unzip();
         let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
         if needed > self.matrices.capacity {
             self.matrices = Matrices::new(gpu, self.stride, needed);
         }
-        for point in &mut self.hull {
-            *point -= frame.origin;
-        }
-        let linear = |clip| LinearDepth::new(&clip, &self.hull, DepthConvention::REVERSED_F32);
-        self.linear = self.views.iter().filter_map(|v| v.clip).map(linear).collect();
+        self.measure_depth(frame);
         for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
             let offset = layer as u64 * u64::from(self.stride);
             let matrix = clip.as_mat4().to_cols_array();
@@ -114,6 +124,25 @@ impl ShadowMap {
             self.layers = Some(Layers::new(gpu, self.size, needed as u32)?);
         }
         Ok(())
+    }
+
+    /// Linear depth over the casters, layer by layer.
+    fn measure_depth(&mut self, frame: &Frame<'_>) {
+        for point in &mut self.hull {
+            *point -= frame.origin;
+        }
+        let convention = DepthConvention::REVERSED_F32;
+        let is_curved = self.arrange.layout(frame.light).drawing != Drawing::Matrix;
+        let hull = &self.hull;
+        let linear = |view: &FittedView| {
+            let clip = view.clip?;
+            Some(if is_curved {
+                LinearDepth::radial(clip.w_axis.w, view.light.truncate(), hull)
+            } else {
+                LinearDepth::new(&clip, hull, convention)
+            })
+        };
+        self.linear = self.views.iter().filter_map(linear).collect();
     }
 
     /// The depth pass of a layout that is drawn by its own, from the casters' triangles.
@@ -137,13 +166,29 @@ impl ShadowMap {
         Ok(())
     }
 
+    /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and
+    /// every caster counts.
+    fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
+        let camera = frame.camera?;
+        self.receivers.clear();
+        let receivers = &mut self.receivers;
+        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
+            return None;
+        }
+        self.casters.clear();
+        let casters = &mut self.casters;
+        frame.casters.boxes(frame.light, &mut |bounds| casters.push(bounds));
+        VisibleRegion::new(&camera, &self.receivers, frame.origin)
+    }
+
     /// Records one depth pass for each view with casters.
     pub fn encode(&mut self, frame: &Frame<'_>, recorder: &mut Recorder<'_>) {
         let convention = DepthConvention::REVERSED_F32;
         let (mut passes, mut draws, mut triangles) = (0, 0, 0);
-        let clips = self.views.iter().filter_map(|v| v.clip);
+        let views = self.views.iter().zip(&self.volumes);
+        let clips = views.filter_map(|(view, volume)| Some((view.clip?, volume)));
         let layers = self.layers.iter().flat_map(|l| &l.each);
-        for (index, (clip, layer)) in clips.zip(layers).enumerate() {
+        for (index, ((clip, volume), layer)) in clips.zip(layers).enumerate() {
             let view = LightView {
                 clip: clip.as_mat4(),
                 bind_group: &self.matrices.group,
@@ -152,6 +197,7 @@ impl ShadowMap {
                 order: convention.order(),
                 light: frame.light,
                 origin: frame.origin,
+                volume,
             };
             let mut pass = recorder.depth_pass("map/depth", layer, convention.clear());
             let drawn = match (&self.charts, frame.casters.triangles()) {
@@ -168,6 +214,7 @@ impl ShadowMap {
             ("map_draws", draws),
             ("map_triangles", triangles),
             ("map_texels", texels),
+            ("map_lights_skipped", u64::from(passes == 0)),
         ]);
     }
 

@@ -10,13 +10,14 @@ use crate::{Bias, Estimator, LinearDepth};
 pub struct DepthConvention {
     /// Near is 1 and far is 0.
     pub reversed: bool,
-    /// Smallest step of the stored depth: 2^-24 for 32-bit float, 2^-24 for 24-bit, 2^-16 for 16-bit.
+    /// Step of the stored depth: 2^-24 for 24-bit, 2^-16 for 16-bit, 0 for 32-bit float, whose rounding is relative
+    /// and counted with the rasteriser's.
     pub step: f32,
 }
 
 impl DepthConvention {
     /// What [`crate::ShadowMap`] draws: reversed 32-bit float.
-    pub const REVERSED_F32: Self = Self { reversed: true, step: f32::EPSILON * 0.5 };
+    pub const REVERSED_F32: Self = Self { reversed: true, step: 0.0 };
 
     /// +1 where larger depth is farther from the light, -1 for reversed depth.
     #[must_use]

@@ -3,8 +3,9 @@
 //! A [`Stage`] is a scene under view samples: casters and a ray tracer over the same triangles. On a
 //! stage, a light has a truth ([`Stage::truth`]), and a technique has a [`Shot`]: its visibility at the
 //! very view samples at which the truth is taken, so that only shadow error is measured, with its times,
-//! counters and bytes. [`stability`] holds the hard cases.
+//! counters and bytes; a map has a sampling error ([`Stage::sampling`]). [`stability`] holds the hard cases.
 
+mod sampling;
 pub mod stability;
 mod stage;
 
@@ -12,6 +13,7 @@ use antumbra_gpu::GpuError;
 use antumbra_reference::{MetricError, TraceError};
 use antumbra_scene::MeshError;
 
+pub use sampling::Sampling;
 pub use stage::{Session, Shot, Stage};
 
 /// What can keep a stage from being set or a shot from being taken.

@@ -12,9 +12,12 @@ mod acne;
 mod edge;
 mod known;
 mod line;
+mod motion;
+mod seen;
+mod topology;
 
 use antumbra_gpu::{Gpu, Technique};
-use antumbra_scene::LightKind;
+use antumbra_scene::{LightKind, generate};
 
 use crate::MeasureError;
 
@@ -152,10 +155,82 @@ pub const CASES: &[Case] = &[
         measure: |gpu, technique, _| acne::moved(gpu, technique),
     },
     Case {
+        name: "HC-02 in view",
+        about: "HC-02 at the pixels of a camera, one a texel, for techniques that draw from it",
+        number: FARTHEST,
+        measure: seen::rising_triangle,
+    },
+    Case {
+        name: "HC-22 T-junction",
+        about: "a plate of one quad beside two: no light comes through where their corners meet its edge",
+        number: "share of the samples deep in shadow that are not fully dark",
+        measure: seen::t_junction,
+    },
+    Case {
+        name: "HC-23 light at the eye",
+        about: "a point light at the camera's eye, and on its near plane, over the square of HC-01",
+        number: FARTHEST,
+        measure: seen::light_at_the_eye,
+    },
+    Case {
+        name: "HC-24 light at a vertex",
+        about: "a light at a corner of a plate, in the plate's plane, hides nothing from the floor below",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| seen::light_at_a_vertex(gpu, technique),
+    },
+    Case {
+        name: "HC-24 light in a cube",
+        about: "a light in a closed cube lights nothing outside",
+        number: "share of the floor's samples that are lit",
+        measure: |gpu, technique, _| seen::light_in_a_cube(gpu, technique),
+    },
+    Case {
+        name: "HC-24 light on the floor",
+        about: "a light a micrometre above the floor, below every caster, lights all of it",
+        number: FALSE_SHADOW,
+        measure: |gpu, technique, _| seen::light_on_the_floor(gpu, technique),
+    },
+    Case {
+        name: "HC-25 caster out of sight",
+        about: "the square of HC-01 under its three lights, seen from above through the square itself",
+        number: FARTHEST,
+        measure: seen::through_the_caster,
+    },
+    Case {
+        name: "HC-19 three and four triangles on an edge",
+        about: "silhouettes of meshes that are no manifolds have edges that count once, twice or not at all",
+        number: FARTHEST,
+        measure: |gpu, technique, size| {
+            topology::farthest_wrong(gpu, technique, &generate::non_manifold(), size)
+        },
+    },
+    Case {
+        name: "HC-20 winding without a side",
+        about: "a square wound against itself and a Moebius strip have no front",
+        number: FARTHEST,
+        measure: |gpu, technique, size| {
+            topology::farthest_wrong(gpu, technique, &generate::unorientable(), size)
+        },
+    },
+    Case {
+        name: "HC-22 vertex on an edge",
+        about: "a vertex in the middle of another quad's edge, 1e-7 m off it: a crack of no width",
+        number: FARTHEST,
+        measure: |gpu, technique, size| {
+            topology::farthest_wrong(gpu, technique, &generate::t_junction(1e-7), size)
+        },
+    },
+    Case {
         name: "HC-31 wire below a texel",
         about: "a wire of 0.4 texels across the texels' rows at 30 degrees",
         number: "mean visibility under the wire's axis",
         measure: line::wire,
+    },
+    Case {
+        name: "HC-39 creeping camera",
+        about: "the camera moves by 3 mm a frame over a field of boxes, and no shadow does",
+        number: "largest mean change of visibility from one frame to the next",
+        measure: |gpu, technique, _| motion::creeping_camera(gpu, technique),
     },
     Case {
         name: "HC-40 casters out of view",

@@ -63,6 +63,24 @@ impl Stage {
         width: u32,
         height: u32,
     ) -> Result<Self, MeasureError> {
+        let aspect = f64::from(width) / f64::from(height);
+        let clip = camera.view_projection(scene.origin(), aspect);
+        let view = ViewCamera { clip, eye: camera.eye - scene.origin() };
+        Self::seen_by(gpu, scene, &view, width, height)
+    }
+
+    /// As [`Stage::new`], for a camera with reversed depth, near at 1, of any other kind; its matrix and eye are
+    /// relative to [`Scene::origin`].
+    ///
+    /// # Errors
+    /// As [`Stage::new`].
+    pub fn seen_by(
+        gpu: &Gpu,
+        scene: &Scene,
+        camera: &ViewCamera,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, MeasureError> {
         let triangles = scene.triangles(scene.origin())?;
         let tracer = Tracer::new(&triangles)?;
         let meshes = MeshSet::from_triangles(gpu, &triangles)?;
@@ -81,17 +99,16 @@ impl Stage {
             },
         )?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let camera = meshes.view_camera(&camera, (width, height));
         meshes.encode_view_samples(
             gpu,
             &mut Recorder::new(&mut encoder),
-            &camera,
+            camera,
             &depth.create_view(&Default::default()),
             &samples,
         );
         gpu.queue.submit([encoder.finish()]);
         let image = samples.read(gpu)?;
-        Ok(Self { triangles, meshes, samples, image, camera: Some(camera), tracer })
+        Ok(Self { triangles, meshes, samples, image, camera: Some(*camera), tracer })
     }
 
     /// Uploads the scene and takes `points` (relative to [`Scene::origin`]) for its view samples, in
@@ -104,19 +121,51 @@ impl Stage {
         scene: &Scene,
         points: &[ViewSample],
     ) -> Result<Self, MeasureError> {
+        let rows = points.len().div_ceil(ROW);
+        Self::at_samples(gpu, scene, points, (ROW as u32, rows as u32), None)
+    }
+
+    /// Uploads the scene and takes `points` (relative to [`Scene::origin`]), one a pixel of a view of `size`, for
+    /// what `camera` sees: the scene itself may be hidden from it.
+    ///
+    /// # Errors
+    /// A faulty scene, or a view without pixels.
+    pub fn seen(
+        gpu: &Gpu,
+        scene: &Scene,
+        camera: &Camera,
+        size: (u32, u32),
+        points: &[ViewSample],
+    ) -> Result<Self, MeasureError> {
+        Self::at_samples(gpu, scene, points, size, Some(camera))
+    }
+
+    fn at_samples(
+        gpu: &Gpu,
+        scene: &Scene,
+        points: &[ViewSample],
+        (width, height): (u32, u32),
+        camera: Option<&Camera>,
+    ) -> Result<Self, MeasureError> {
         let triangles = scene.triangles(scene.origin())?;
         let tracer = Tracer::new(&triangles)?;
         let meshes = MeshSet::from_triangles(gpu, &triangles)?;
-        let rows = points.len().div_ceil(ROW);
-        let (width, height) = (ROW as u32, rows as u32);
         let samples = ViewSamples::new(gpu, width, height)?;
         let mut positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
         let mut normals: Vec<Vec3> = points.iter().map(|p| p.normal).collect();
-        positions.resize(rows * ROW, Vec3::ZERO);
-        normals.resize(rows * ROW, Vec3::ZERO);
+        let pixels = width as usize * height as usize;
+        positions.resize(pixels, Vec3::ZERO);
+        normals.resize(pixels, Vec3::ZERO);
         samples.write(gpu, &positions, &normals)?;
         let image = SampleImage { width, height, positions, normals };
-        Ok(Self { triangles, meshes, samples, image, camera: None, tracer })
+        let camera = camera.map(|camera| meshes.view_camera(camera, (width, height)));
+        Ok(Self { triangles, meshes, samples, image, camera, tracer })
+    }
+
+    /// Tells techniques that `camera` sees the view samples, which stay what they are; with `None`, that they are
+    /// points of another kind.
+    pub fn set_camera(&mut self, camera: Option<ViewCamera>) {
+        self.camera = camera;
     }
 
     /// The frame of this stage under `light`.
@@ -129,6 +178,12 @@ impl Stage {
             casters: &self.meshes,
             origin: self.triangles.origin,
         }
+    }
+
+    /// The camera that sees the view samples, where there is one.
+    #[must_use]
+    pub fn camera(&self) -> Option<&ViewCamera> {
+        self.camera.as_ref()
     }
 
     /// The ray tracer over the stage's triangles.
@@ -168,7 +223,7 @@ impl Stage {
             session.repeat(gpu, light, technique, &mut shot, true)?;
         }
         shot.visibility = session.visibility(gpu)?;
-        shot.counters = technique.counters();
+        shot.counters = technique.read_counters(gpu)?;
         shot.bytes = technique.bytes();
         Ok(shot)
     }

@@ -4,6 +4,7 @@ pub mod closed;
 mod flip;
 mod metrics;
 mod sample;
+pub mod sampling;
 mod tracer;
 mod truth;
 

@@ -11,6 +11,7 @@ mod nature;
 mod random;
 pub mod shapes;
 mod thin;
+mod topology;
 
 use glam::DVec3;
 
@@ -24,6 +25,7 @@ pub use basic::{
 pub use built::{hall, street};
 pub use nature::{Grass, Hair, Terrain, Tree, grass, hair, terrain, tree};
 pub use thin::{THICKNESSES, ThinCasters, fence, wires};
+pub use topology::{moebius, non_manifold, pages, poles, t_junction, two_storeys, unorientable};
 
 /// A scene's name, the function that makes it, and what it tests.
 pub type Entry = (&'static str, fn() -> Scene, &'static str);
@@ -77,6 +79,8 @@ pub const ALL: &[Entry] = &[
     ("hair", || hair(&Hair::default()), "ribbons thinner than texels, in layers over a receiver"),
     ("terrain", || terrain(&Terrain::default()), "one large mesh, its own caster and receiver"),
     ("hall", hall, "a closed room with columns and arches, lit through openings in the roof"),
+    ("non-manifold", non_manifold, "HC-19: three and four triangles on one edge; silhouettes"),
+    ("unorientable", unorientable, "HC-20: triangles wound against each other; a Moebius strip"),
     ("street", street, "a depth range of hundreds of metres from a low camera; cascades"),
 ];
 

@@ -129,7 +129,7 @@ impl Group<'_> {
                 let done = done.and_then(|()| {
                     if round == 0 {
                         shot.visibility = session.visibility(self.gpu)?;
-                        shot.counters = ready.counters();
+                        shot.counters = ready.read_counters(self.gpu)?;
                         shot.bytes = ready.bytes();
                     }
                     Ok(())

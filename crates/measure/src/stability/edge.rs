@@ -22,12 +22,12 @@ const ROUNDING: f64 = 1e-5;
 
 /// A flat caster over the floor.
 pub(super) struct FlatCaster {
-    scene: Scene,
-    light: Light,
-    corners: Vec<DVec3>,
+    pub(super) scene: Scene,
+    pub(super) light: Light,
+    pub(super) corners: Vec<DVec3>,
     normal: DVec3,
     /// Side of a texel of the ideal map in the caster's plane, metres.
-    texel: f64,
+    pub(super) texel: f64,
 }
 
 /// HC-01 under one of its lights: C, B, A in the scene's order.
@@ -98,22 +98,40 @@ impl FlatCaster {
     ) -> Result<f64, MeasureError> {
         let points = self.floor_samples();
         let stage = Stage::at_points(gpu, &self.scene, &points)?;
-        let shot = stage.shoot(gpu, &self.light, technique, 0)?;
-        let occluder = Occluder::ConvexPolygon(self.corners.clone());
+        self.farthest_wrong_of(gpu, technique, &stage, &self.light)
+    }
+
+    /// As [`FlatCaster::farthest_wrong`], of the samples of `stage`, all of them on the floor, under `light`.
+    pub(super) fn farthest_wrong_of(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+        stage: &Stage,
+        light: &Light,
+    ) -> Result<f64, MeasureError> {
+        let shot = stage.shoot(gpu, light, technique, 0)?;
         let mut farthest = 0.0_f64;
-        for (point, v) in points.iter().zip(&shot.visibility) {
+        for (point, v) in stage.view_samples().iter().zip(&shot.visibility) {
+            if point.normal == Vec3::ZERO {
+                continue;
+            }
             let p = stage.triangles.origin + point.position.as_dvec3();
-            let margin = shadow_margin(&occluder, &self.light, p);
+            let margin = self.margin(light, p);
             let truth = if margin > 0.0 { 0.0 } else { 1.0 };
             let right = (f64::from(*v) - truth).abs() <= ROUNDING;
             // Asked this way round, NaN is wrong.
             if !right {
                 // The margin is the distance in the caster's plane times this cosine.
-                let ray = self.light.towards(p, DVec2::splat(0.5)).normalize();
+                let ray = light.towards(p, DVec2::splat(0.5)).normalize();
                 farthest = farthest.max(margin.abs() / self.normal.dot(ray).abs());
             }
         }
         Ok(farthest / self.texel)
+    }
+
+    /// How far `p` is from the shadow's edge, metres, positive in shadow.
+    pub(super) fn margin(&self, light: &Light, p: DVec3) -> f64 {
+        shadow_margin(&Occluder::ConvexPolygon(self.corners.clone()), light, p)
     }
 
     fn floor_samples(&self) -> Vec<ViewSample> {
@@ -139,7 +157,12 @@ impl FlatCaster {
 
     /// Where the light casts `q` onto the floor, if it does.
     fn cast(&self, q: DVec3) -> Option<DVec3> {
-        let away = -self.light.towards(q, DVec2::splat(0.5));
-        (away.y < 0.0).then(|| (q - away * (q.y / away.y)).with_y(0.0))
+        cast(&self.light, q)
     }
+}
+
+/// Where `light` casts `q` onto the floor, if it does.
+pub(super) fn cast(light: &Light, q: DVec3) -> Option<DVec3> {
+    let away = -light.towards(q, DVec2::splat(0.5));
+    (away.y < 0.0).then(|| (q - away * (q.y / away.y)).with_y(0.0))
 }

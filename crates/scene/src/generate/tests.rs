@@ -7,8 +7,21 @@ use super::*;
 use crate::{Bounds, Light, LightKind, Mesh};
 
 /// Meshes of the generated scenes that are sheets by intent; all others must be closed.
-const SHEETS: [&str; 9] =
-    ["floor", "ground", "half-plane", "rectangle", "disc", "leaves", "grass", "hair", "terrain"];
+const SHEETS: [&str; 13] = [
+    "floor",
+    "ground",
+    "half-plane",
+    "rectangle",
+    "disc",
+    "leaves",
+    "grass",
+    "hair",
+    "terrain",
+    "pages",
+    "triangle",
+    "quad",
+    "moebius",
+];
 
 fn entries() -> impl Iterator<Item = &'static Entry> {
     ALL.iter().chain(CONVEX)

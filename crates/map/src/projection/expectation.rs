@@ -1,0 +1,136 @@
+//! What theory says of projection shadows on each hard case.
+
+use antumbra_gpu::Expectation;
+use antumbra_gpu::Expectation::{Holds, KnownLimit, Refuses};
+
+use super::ShadowTexture;
+use crate::{Estimator, MapConfig};
+
+/// Planar shadows, drawn from the camera.
+pub(super) fn planar(case: &str) -> Option<Expectation> {
+    Some(match case {
+        // There is no plane to shadow, or nothing above it.
+        "lone receivers, directional"
+        | "lone receivers, spot"
+        | "lone receivers, point"
+        | "HC-03 grazing plane"
+        | "HC-03 grazing plane, diagonal" => Holds { bound: 0.0 },
+        "HC-14 far from the origin" => Holds { bound: 0.0 },
+        // The rasteriser decides at the view samples themselves. It moves an edge by 1/256 pixel an axis, and
+        // the rounding of the flattened corners by at most as much again; a pixel is a texel of the cases' map.
+        "HC-02 in view" | "HC-23 light at the eye" | "HC-25 caster out of sight" => {
+            Holds { bound: std::f64::consts::SQRT_2 * 2.0 / 256.0 }
+        }
+        // Its texels are the pixels of the view.
+        "HC-22 T-junction" => Holds { bound: isolated(0.0, 192.0 * 2.73 / 1.2) },
+        "HC-24 light at a vertex" | "HC-24 light in a cube" | "HC-24 light on the floor" => {
+            Holds { bound: 0.0 }
+        }
+        "HC-01 A, point light"
+        | "HC-01 B, sun overhead"
+        | "HC-01 C, slanting sun"
+        | "HC-01 B, turned 30 degrees"
+        | "HC-02 light amid the caster"
+        | "HC-04 thin wall"
+        | "HC-05 cube"
+        | "HC-13 depth precision"
+        | "HC-13 depth precision, near caster"
+        | "HC-31 wire below a texel"
+        | "HC-40 casters out of view" => Refuses {
+            because: "flattened casters are drawn from the camera, and the case's samples have none",
+        },
+        _ => return None,
+    })
+}
+
+/// HC-22: the rasteriser leaves at most a sliver of 2/256 texel open along the junction, on which a texel's centre
+/// falls in one of 128 rows. What is left is isolated: at most every eighth texel of a line across the view of 1.2 m,
+/// for a map of `size` texels over 2.73 m. A kernel spreads each over the samples within its radius.
+pub(crate) fn isolated(radius: f64, size: f64) -> f64 {
+    let (view, texel) = (1.2_f64, 2.73 / size);
+    let texels = std::f64::consts::SQRT_2 * view / texel / 8.0;
+    texels * (texel / view).powi(2) * (2.0 * radius + 1.0).powi(2)
+}
+
+/// Shadow textures. A mask above a plane says at each texel what a depth map that is compared with the plane says.
+pub(super) fn shadow_texture(config: &ShadowTexture, case: &str) -> Option<Expectation> {
+    match case {
+        "HC-13 depth precision, near caster" => Some(KnownLimit {
+            at_least: 0.5,
+            at_most: 0.5,
+            because: "only planes that bound the scene receive, and the rear plate is amid it: half of the samples",
+        }),
+        _ => {
+            let map = MapConfig { size: config.size, ..MapConfig::default() };
+            let estimator = Estimator { radius: config.radius(), ..Estimator::nearest() };
+            crate::expectation(&map, &estimator, case)
+        }
+    }
+}
+
+/// Disc shadows with their default settings.
+pub(super) fn disc(case: &str) -> Option<Expectation> {
+    // A disc is not the caster's shape: wrong by a part of the caster's size, which the cases count in texels of a
+    // map around it. An eighth of the caster is 8 texels of a map of 64, the least that anybody measures with.
+    let shapeless = KnownLimit {
+        at_least: 8.0,
+        at_most: f64::INFINITY,
+        because: "a disc is not the caster's shape, and is wrong by a share of the caster's size",
+    };
+    Some(match case {
+        // There is no plane to shadow, or no body on it.
+        "lone receivers, directional"
+        | "lone receivers, spot"
+        | "lone receivers, point"
+        | "HC-03 grazing plane"
+        | "HC-03 grazing plane, diagonal" => Holds { bound: 0.0 },
+        "HC-14 far from the origin" => Holds { bound: 0.0 },
+        "HC-01 A, point light"
+        | "HC-01 B, sun overhead"
+        | "HC-01 C, slanting sun"
+        | "HC-01 B, turned 30 degrees"
+        | "HC-02 light amid the caster"
+        | "HC-04 thin wall"
+        | "HC-02 in view"
+        | "HC-23 light at the eye"
+        | "HC-25 caster out of sight" => shapeless,
+        // The disc's centre is at the cube's foot.
+        "HC-05 cube" => Holds { bound: 0.0 },
+        // The rear plate is dark up to 3/4 of the disc, which fits into the plate, of whose samples the outermost
+        // are at 4/5: 1 - pi (3/4)^2 / (8/5)^2 = 0.310 are lit, of half the samples.
+        "HC-13 depth precision" => KnownLimit {
+            at_least: 0.15,
+            at_most: 0.16,
+            because: "the corners of a square plate stand out of its disc",
+        },
+        "HC-13 depth precision, near caster" => KnownLimit {
+            at_least: 0.5,
+            at_most: 0.5,
+            because: "only planes that bound the scene receive, and the rear plate is amid it: half of the samples",
+        },
+        // T-junctions are no matter to bounds. The box of the plate, turned by 30 degrees, is 2.73 m wide, and its
+        // disc fully dark within 0.683 m of the middle: all of the 1.2 m x 1.2 m in view but its corners,
+        // 0.683^2 (pi - 4 acos(0.6 / 0.683)) + 4 * 0.6 sqrt(0.683^2 - 0.6^2) = 1.319 of 1.44 m2.
+        "HC-22 T-junction" => KnownLimit {
+            at_least: 0.08,
+            at_most: 0.088,
+            because: "the corners of a square plate stand out of the dark part of its disc",
+        },
+        "HC-24 light at a vertex" | "HC-24 light on the floor" => Holds { bound: 0.0 },
+        // The cube's middle is 0.2 m below the light, 1.2 m above the floor: the disc of 0.5 m becomes 3 m, dark up
+        // to 2.25 m, on 10 m x 10 m.
+        "HC-24 light in a cube" => KnownLimit {
+            at_least: 0.82,
+            at_most: 0.86,
+            because: "a disc ends, where the shadow around a light in a box does not",
+        },
+        "HC-31 wire below a texel" => KnownLimit {
+            at_least: 0.35,
+            at_most: 0.40,
+            because: "the wire's disc has the area of its box, and the wire stands out of it at both ends",
+        },
+        // The cubes' discs are fully dark and end within the bands that the case leaves out.
+        "HC-40 casters out of view" => Holds { bound: 0.0 },
+        _ => return None,
+    })
+}

@@ -1,0 +1,141 @@
+//! Asking every triangle's volume whether it contains the sample.
+
+use antumbra_gpu::{
+    BindGroupCache, Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique,
+    TechniqueConfig, bind, entries,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::expectation;
+use crate::light::{homogeneous_light, triangles};
+use crate::triangles::MakeUniform;
+
+/// Whether any triangle's shadow volume contains the sample (Crow 1977; Fuchs et al. 1985), one plane after the other.
+/// The definition of shadow volumes, and the measure of the techniques that count faces: nothing is drawn, so there is
+/// no camera, and no pixel to which an edge could be snapped. Tiles of 8 x 8 samples go through all triangles
+/// together, so that the cost is their product; for scenes of up to some 10^5 triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Triangle {}
+
+impl TechniqueConfig for Triangle {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(Containment::new(gpu)?))
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation::triangle(case)
+    }
+}
+
+/// The technique of [`Triangle`].
+#[derive(Debug)]
+pub struct Containment {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    uniform: wgpu::Buffer,
+    group: BindGroupCache<([wgpu::Buffer; 2], [wgpu::TextureView; 3])>,
+    counters: Counters,
+}
+
+impl Containment {
+    fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
+        let device = &gpu.device;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("volume/triangle"),
+            entries: &[
+                entries::uniform(0, CS),
+                entries::storage(1, CS),
+                entries::storage(2, CS),
+                entries::texels(3, CS, false),
+                entries::texels(4, CS, false),
+                entries::write_texture(5, CS, wgpu::TextureFormat::R32Float),
+            ],
+        });
+        let shader =
+            gpu.shader("volume/triangle", antumbra_shaders::link("volume::triangle", &[])?);
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("volume/triangle"),
+            layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("volume/triangle"),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            })),
+            module: &shader,
+            entry_point: Some("ask_triangles"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let uniform = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("volume/triangle"),
+            size: size_of::<MakeUniform>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let group = BindGroupCache::default();
+        Ok(Self { pipeline, layout, uniform, group, counters: Counters::new() })
+    }
+}
+
+impl Technique for Containment {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        let uniform = MakeUniform {
+            light: homogeneous_light(frame).to_array(),
+            eye: [0.0; 4],
+            how: [triangles(frame)?.triangles, 0, 0, 0],
+        };
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        Ok(())
+    }
+
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        visibility: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
+        let triangles = triangles(frame)?;
+        let samples = frame.samples;
+        let key = (
+            [triangles.positions.clone(), triangles.indices.clone()],
+            [&samples.positions_view, &samples.normals_view, visibility].map(Clone::clone),
+        );
+        let group = self.group.get(key, |(buffers, [positions, normals, output])| {
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("volume/triangle"),
+                layout: &self.layout,
+                entries: &[
+                    bind::buffer(0, &self.uniform),
+                    bind::buffer(1, &buffers[0]),
+                    bind::buffer(2, &buffers[1]),
+                    bind::texture(3, positions),
+                    bind::texture(4, normals),
+                    bind::texture(5, output),
+                ],
+            })
+        });
+        let (width, height) = samples.size();
+        let mut pass = recorder.compute_pass("volume/triangle");
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        drop(pass);
+        let tiles = u64::from(width.div_ceil(8)) * u64::from(height.div_ceil(8));
+        self.counters = Counters::from([
+            ("view_samples", u64::from(width) * u64::from(height)),
+            ("volumes", triangles.triangles.into()),
+            ("volume_tiles", tiles * u64::from(triangles.triangles)),
+        ]);
+        Ok(())
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters.clone()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.uniform.size()
+    }
+}

@@ -1,0 +1,98 @@
+//! What the camera sees, as a tree of boxes, by which bodies without a visible shadow are found.
+
+use antumbra_gpu::{BindGroupCache, Gpu, GpuError, ViewSamples, bind, entries};
+
+use super::storage;
+
+/// Pixels a side of a block, and of a block of blocks; `volume/receivers.wesl` knows them too.
+const BLOCK: u32 = 16;
+const BLOCKS: u32 = 8 * BLOCK;
+/// Bytes of a box.
+const BOX: u64 = 32;
+
+/// The passes that gather boxes, and the boxes.
+#[derive(Debug)]
+pub(super) struct Receivers {
+    gather: [wgpu::ComputePipeline; 2],
+    layout: wgpu::BindGroupLayout,
+    boxes: [wgpu::Buffer; 2],
+    size: Option<(u32, u32)>,
+    group: BindGroupCache<(wgpu::TextureView, wgpu::Buffer)>,
+}
+
+impl Receivers {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("receivers"),
+            entries: &[
+                entries::texels(0, CS, false),
+                entries::write_storage(1, CS),
+                entries::write_storage(2, CS),
+            ],
+        });
+        let module = gpu.shader("receivers", antumbra_shaders::link("volume::receivers", &[])?);
+        let pipeline = |entry| gpu.compute_pipeline("receivers", &module, entry, &[&layout]);
+        Ok(Self {
+            gather: [pipeline("gather"), pipeline("gather_blocks")],
+            boxes: [storage(gpu, "boxes", 0)?, storage(gpu, "boxes of boxes", 0)?],
+            layout,
+            size: None,
+            group: BindGroupCache::default(),
+        })
+    }
+
+    /// Makes room for boxes around `samples`; with `None`, nothing will be gathered.
+    pub(super) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        samples: Option<&ViewSamples>,
+    ) -> Result<(), GpuError> {
+        let Some(samples) = samples else {
+            self.size = None;
+            return Ok(());
+        };
+        let (width, height) = samples.size();
+        let room =
+            |block| BOX * u64::from(width.div_ceil(block)) * u64::from(height.div_ceil(block));
+        for (boxes, block) in self.boxes.iter_mut().zip([BLOCK, BLOCKS]) {
+            if boxes.size() < room(block) {
+                *boxes = storage(gpu, "boxes", room(block))?;
+            }
+        }
+        self.size = Some((width, height));
+        let [fine, coarse] = &self.boxes;
+        self.group.get((samples.positions_view.clone(), fine.clone()), |(positions, fine)| {
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("receivers"),
+                layout: &self.layout,
+                entries: &[
+                    bind::texture(0, positions),
+                    bind::buffer(1, fine),
+                    bind::buffer(2, coarse),
+                ],
+            })
+        });
+        Ok(())
+    }
+
+    pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        if let (Some((width, height)), Some(group)) = (self.size, self.group.kept()) {
+            // A workgroup makes one box, or eight by eight boxes of boxes.
+            for (gather, block) in self.gather.iter().zip([BLOCK, 8 * BLOCKS]) {
+                pass.set_pipeline(gather);
+                pass.set_bind_group(0, group, &[]);
+                pass.dispatch_workgroups(width.div_ceil(block), height.div_ceil(block), 1);
+            }
+        }
+    }
+
+    /// Boxes around blocks of pixels, and around blocks of those.
+    pub(super) fn boxes(&self) -> [&wgpu::Buffer; 2] {
+        self.boxes.each_ref()
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.boxes.iter().map(wgpu::Buffer::size).sum()
+    }
+}

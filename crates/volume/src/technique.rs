@@ -1,0 +1,136 @@
+//! Shadow volumes counted from the camera, as a technique.
+
+use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
+
+use crate::VolumeFaces;
+use crate::count::{Counter, Counting, Draw};
+use crate::light::{homogeneous_light, perspective, triangles};
+use crate::triangles::{Method, TriangleFaces, TrianglePass};
+
+/// How a [`VolumeTechnique`] counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Counted {
+    pub(crate) counter: Counter,
+    pub(crate) method: Method,
+    pub(crate) near_caps: bool,
+    pub(crate) start: Start,
+}
+
+/// From which number the count in front of samples starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Start {
+    /// 0.
+    Zero,
+    /// The number of volumes that contain the eye.
+    Eye,
+    /// The number of volumes at each pixel's point of the near plane.
+    NearPlane,
+}
+
+/// Volumes of the casters' triangles, drawn from the camera and counted at each view sample.
+#[derive(Debug)]
+pub struct VolumeTechnique {
+    how: Counted,
+    producer: TriangleFaces,
+    faces: Option<VolumeFaces>,
+    counting: Counting,
+    eye: Option<TrianglePass>,
+    counters: Counters,
+}
+
+impl VolumeTechnique {
+    pub(crate) fn new(gpu: &Gpu, how: Counted) -> Result<Self, GpuError> {
+        let eye = match how.start {
+            Start::Eye => {
+                Some(TrianglePass::new(gpu, "volume/eye", "volume::eye", "count_eye", 1)?)
+            }
+            Start::Zero | Start::NearPlane => None,
+        };
+        Ok(Self {
+            how,
+            eye,
+            producer: TriangleFaces::new(gpu)?,
+            faces: None,
+            counting: Counting::new(gpu, how.counter)?,
+            counters: Counters::new(),
+        })
+    }
+
+    /// The counters behind the last visibility, where they are wide: one `i32` a view sample, row by row.
+    #[must_use]
+    pub fn counts(&self) -> Option<&wgpu::Buffer> {
+        self.counting.counts()
+    }
+
+    /// The faces of the last frame.
+    #[must_use]
+    pub fn faces(&self) -> Option<&VolumeFaces> {
+        self.faces.as_ref()
+    }
+}
+
+impl Technique for VolumeTechnique {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        let triangles = triangles(frame)?;
+        let view = perspective(frame)?;
+        let light = homogeneous_light(frame);
+        let method = self.how.method;
+        self.producer.prepare(gpu, &triangles, light, view.camera.eye, method, &mut self.faces)?;
+        if let Some(eye) = &mut self.eye {
+            eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
+        }
+        let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
+        self.counting.prepare(gpu, frame.samples, &view, light, near)
+    }
+
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        visibility: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
+        let triangles = triangles(frame)?;
+        let Some(faces) = self.faces.as_ref().filter(|f| f.holds(&triangles)) else {
+            return Err(GpuError::Invalid {
+                what: "frame",
+                value: "not prepared".to_owned(),
+                fix: "call `prepare` with this frame before `encode`",
+            });
+        };
+        self.producer.encode(gpu, recorder, &triangles, faces);
+        if let Some(eye) = &mut self.eye {
+            recorder.encoder.clear_buffer(self.counting.base(), 0, None);
+            eye.encode(gpu, recorder, &triangles, &[self.counting.base()]);
+        }
+        // Under parallel light a volume narrows to a point at infinity.
+        let far_caps = self.how.method != Method::InFront && frame.light.position().is_some();
+        let draw = Draw {
+            triangles,
+            faces,
+            samples: frame.samples,
+            near_caps: self.how.near_caps,
+            far_caps,
+            cast_caps: self.how.start == Start::NearPlane,
+        };
+        self.counting.encode(gpu, recorder, &draw, visibility)?;
+        let (width, height) = frame.samples.size();
+        let count = u64::from(triangles.triangles);
+        let caps = [draw.near_caps, draw.far_caps, draw.cast_caps].map(u64::from);
+        self.counters = Counters::from([
+            ("volumes", count),
+            ("volume_sides", 3 * count),
+            ("volume_caps", caps.iter().sum::<u64>() * count),
+            ("view_samples", u64::from(width) * u64::from(height)),
+        ]);
+        Ok(())
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters.clone()
+    }
+
+    fn bytes(&self) -> u64 {
+        self.counting.bytes() + self.faces.as_ref().map_or(0, VolumeFaces::bytes)
+    }
+}

@@ -1,0 +1,201 @@
+//! The counts themselves: that of each sample is the number of volumes that contain it, from wherever it is seen.
+
+use antumbra_gpu::{Gpu, GpuError, GpuOptions, Technique, TechniqueConfig, read_buffer};
+use antumbra_measure::{MeasureError, Stage};
+use antumbra_reference::ViewSample;
+use antumbra_scene::generate::{self, shapes};
+use antumbra_scene::{Camera, Light, LightKind, Scene};
+use antumbra_volume::{
+    Auto, Counter, EyeCounter, Triangle, VolumeTechnique, ZFail, ZPass, ZpPlus, homogeneous_light,
+    twin,
+};
+use glam::{DAffine3, DVec3, DVec4, Vec3};
+
+fn gpu() -> Gpu {
+    Gpu::new(&GpuOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+const VIEW: u32 = 128;
+
+fn stage(gpu: &Gpu, scene: &Scene, camera: Camera) -> Stage {
+    Stage::new(gpu, scene, camera, VIEW, VIEW).expect("a stage")
+}
+
+fn counts(gpu: &Gpu, stage: &Stage, light: &Light, mut technique: VolumeTechnique) -> Vec<i32> {
+    stage.shoot(gpu, light, &mut technique, 0).expect("a shot");
+    let buffer = technique.counts().expect("wide counters");
+    let bytes = read_buffer(gpu, buffer, buffer.size()).expect("read back");
+    bytemuck::pod_collect_to_vec(&bytes)
+}
+
+fn corners(stage: &Stage) -> impl Iterator<Item = [DVec3; 3]> {
+    let point = |i: u32| stage.triangles.positions[i as usize].as_dvec3();
+    stage.triangles.triangles.iter().map(move |t| t.map(point))
+}
+
+/// The samples that face the light.
+fn facing(stage: &Stage, light: DVec4) -> impl Iterator<Item = (usize, ViewSample)> {
+    let faces = move |s: &ViewSample| {
+        let p = s.position.as_dvec3();
+        s.normal.as_dvec3().dot(light.truncate() - p * light.w) > 0.0
+    };
+    stage.view_samples().into_iter().enumerate().filter(move |(_, s)| faces(s))
+}
+
+/// The scenes and eyes of these tests: eyes in light, in shadow, and high above.
+fn views() -> Vec<(&'static str, Scene, Light, [Camera; 3])> {
+    ["rectangle", "cube", "thin-wall", "sphere"]
+        .into_iter()
+        .flat_map(|name| {
+            [LightKind::Directional, LightKind::Spot, LightKind::Point].map(|kind| {
+                let scene = generate::by_name(name).expect("a scene");
+                let light = scene.light_or_placed(kind);
+                let camera = scene.camera_or_framing();
+                // Behind the caster as the light sees it: three quarters of the way from it to the floor.
+                let middle = match name {
+                    "rectangle" => DVec3::new(0.11, 2.0, 0.07),
+                    "sphere" => DVec3::new(0.01, 1.0, 0.02),
+                    _ => DVec3::new(0.02, 0.9, 0.01),
+                };
+                let way = -light.towards(middle, glam::DVec2::splat(0.5)).normalize();
+                let eye = middle + way * (0.75 * middle.y / -way.y);
+                let inside = Camera { eye, target: eye + DVec3::new(1.0, -0.3, -0.4), ..camera };
+                let above =
+                    Camera { eye: DVec3::new(0.3, 9.0, 0.2), target: DVec3::ZERO, ..camera };
+                (name, scene, light, [camera, inside, above])
+            })
+        })
+        .collect()
+}
+
+#[test]
+fn a_count_behind_the_sample_is_the_number_of_volumes_around_it() {
+    let gpu = gpu();
+    let mut compared = 0;
+    for (name, scene, light, cameras) in views() {
+        for camera in cameras {
+            let stage = stage(&gpu, &scene, camera);
+            let found =
+                counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
+            let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
+            let volumes: Vec<twin::Volume> =
+                corners(&stage).filter_map(|t| twin::Volume::new(at, t)).collect();
+            for (i, sample) in facing(&stage, at).step_by(29) {
+                let p = sample.position.as_dvec3();
+                let mut inside = 0;
+                // A sample near an edge of a volume, within what rasterisation moves it, has no certain number.
+                let mut certain = true;
+                for volume in &volumes {
+                    let d = volume.distances(p);
+                    let near = 2e-3;
+                    let sides = d[0].max(d[1]).max(d[2]);
+                    inside += i32::from(sides <= 0.0 && d[3] < -near);
+                    certain &= sides.abs() > near || d[3] > near;
+                }
+                if certain {
+                    compared += 1;
+                    assert_eq!(found[i], inside, "{name}, {light:?}, {camera:?}, sample {i}: {p}");
+                }
+            }
+        }
+    }
+    assert!(compared > 4_000, "{compared} samples compared");
+}
+
+#[test]
+fn counts_behind_and_in_front_differ_by_the_eyes_own() {
+    let gpu = gpu();
+    let mut around = Vec::new();
+    for (name, scene, light, cameras) in views() {
+        for camera in cameras {
+            let stage = stage(&gpu, &scene, camera);
+            let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
+            let eye = twin::count(at, corners(&stage), camera.eye - stage.triangles.origin) as i32;
+            around.push(eye);
+            let behind =
+                counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
+            let z_pass = ZPass { near_caps: true, ..ZPass::default() };
+            let in_front = counts(&gpu, &stage, &light, z_pass.technique(&gpu).expect("built"));
+            let chosen =
+                counts(&gpu, &stage, &light, Auto::default().technique(&gpu).expect("built"));
+            for (i, _) in facing(&stage, at) {
+                let place = || format!("{name}, {light:?}, {camera:?}, sample {i}");
+                assert_eq!(behind[i] - in_front[i], eye, "{}", place());
+                assert_eq!(behind[i], chosen[i], "{}", place());
+            }
+        }
+    }
+    let in_shadow = around.iter().filter(|n| **n > 0).count();
+    assert!(in_shadow >= 12 && in_shadow < around.len(), "eyes in volumes: {around:?}");
+}
+
+/// A stack of level squares of two triangles each.
+fn sheets(count: u32) -> Scene {
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(6.0), DAffine3::IDENTITY);
+    for i in 0..count {
+        let center = DVec3::Y * (2.0 + 0.01 * f64::from(i));
+        scene.add(shapes::quad(center, DVec3::Z, DVec3::X), DAffine3::IDENTITY);
+    }
+    scene
+}
+
+#[test]
+fn the_wide_counter_goes_on_where_the_stencil_starts_anew() {
+    let gpu = gpu();
+    let light = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
+    for count in [255, 256, 257, 300] {
+        let scene = sheets(count);
+        let camera = Camera { eye: DVec3::new(1.7, 1.5, 2.0), ..scene.framing_camera() };
+        let camera = Camera { target: DVec3::ZERO, ..camera };
+        let stage = stage(&gpu, &scene, camera);
+        let found = counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
+        let under = |p: Vec3| {
+            p.y == 0.0
+                && p.x.abs().max(p.z.abs()) < 0.99
+                && (p.x - p.z).abs() > 0.01
+                && (p.x + p.z).abs() > 0.01
+        };
+        let mut stencil = ZFail { counter: Counter::Stencil }.technique(&gpu).expect("built");
+        let shot = stage.shoot(&gpu, &light, &mut stencil, 0).expect("a shot");
+        let dark: Vec<usize> = (0..found.len())
+            .filter(|&i| stage.image.normals[i] != Vec3::ZERO && under(stage.image.positions[i]))
+            .collect();
+        assert!(dark.len() > 500, "{} samples below the sheets", dark.len());
+        for i in dark {
+            assert_eq!(found[i], count as i32, "{count} sheets, sample {i}");
+            assert_eq!(shot.visibility[i] == 1.0, count % 256 == 0, "{count} sheets in 8 bits");
+        }
+    }
+}
+
+#[test]
+fn what_a_technique_cannot_serve_it_refuses_with_a_remedy() {
+    let gpu = gpu();
+    let scene = generate::by_name("cube").expect("a scene");
+    let light = scene.light_or_placed(LightKind::Point);
+    let sample = ViewSample { position: Vec3::new(0.2, 0.0, 1.0), normal: Vec3::Y };
+    let stage = Stage::at_points(&gpu, &scene, &[sample]).expect("a stage");
+    let configs: [&dyn TechniqueConfig; 5] = [
+        &ZFail::default(),
+        &ZPass::default(),
+        &EyeCounter::default(),
+        &ZpPlus::default(),
+        &Auto::default(),
+    ];
+    for config in configs {
+        let mut technique = config.build(&gpu).expect("built");
+        let error = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no camera");
+        assert!(
+            matches!(&error, MeasureError::Gpu(GpuError::Invalid { what: "camera", .. })),
+            "{error}"
+        );
+        assert!(error.to_string().contains("volume/triangle"), "{error}");
+    }
+    let mut asked = Triangle::default().build(&gpu).expect("built");
+    stage.shoot(&gpu, &light, asked.as_mut(), 0).expect("needs no camera");
+    let dark: &mut dyn Technique = asked.as_mut();
+    let bad = Light::Point { position: DVec3::NAN };
+    let error = stage.shoot(&gpu, &bad, dark, 0).expect_err("no light");
+    assert!(error.to_string().contains("finite"), "{error}");
+}
