@@ -14,7 +14,7 @@ use wesl::{ModulePath, VirtualResolver, Wesl};
 mod permutations;
 
 pub use permutations::{
-    Permutation, castano_constants, castano_core, permutations, poisson_constants,
+    Permutation, blur_target, castano_constants, castano_core, permutations, poisson_constants,
 };
 
 // Every module: its path below the package (`common::lookup`) and its source; made by build.rs of the

@@ -47,7 +47,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 16] = [
+    const PASSES: [&str; 18] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -64,6 +64,8 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::triangle",
         "volume::receivers",
         "volume::silhouettes",
+        "map::peel",
+        "map::between",
     ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
@@ -81,6 +83,7 @@ pub fn permutations() -> Vec<Permutation> {
             slots,
         });
     }
+    all.extend(blurs());
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
             let mut slots = slots.clone();
@@ -93,6 +96,76 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     all
+}
+
+/// Passes that filter a store: what each technique encodes, averages and writes.
+fn blurs() -> Vec<Permutation> {
+    let depth = "filter::from_depth";
+    let sum = "gpu::mean::arithmetic";
+    [
+        ("vsm", depth, "filter::encoding::variance", sum, "rg32float"),
+        ("vsm-slope", "filter::from_depth_slope", "filter::encoding::variance", sum, "rg32float"),
+        ("lvsm", depth, "filter::encoding::layered", sum, "rg32float"),
+        ("esm", depth, "filter::encoding::depth", "gpu::mean::exponential", "r32float"),
+        ("evsm", depth, "filter::encoding::warped", sum, "rgba32float"),
+        ("msm", depth, "filter::encoding::moments", sum, "rgba32float"),
+        ("msm-16", "gpu::stored_texel", "filter::encoding::moments_16", sum, "rg32uint"),
+    ]
+    .map(|(name, texel, encoding, mean, format)| Permutation {
+        name: format!("gpu-blur-{name}"),
+        root: "gpu::blur",
+        slots: vec![
+            module("texel", texel),
+            module("encoding", encoding),
+            module("mean", mean),
+            source("target", blur_target(format)),
+            source("blur_config", "const RADIUS: i32 = 2;\nconst AXIS: vec2i = vec2i(1, 0);"),
+            filtered_constants(false),
+        ],
+    })
+    .into()
+}
+
+/// Constants of every filtered technique; each uses a few.
+fn filtered_constants(both: bool) -> Slot {
+    let numbers = [
+        ("RADIUS", 3.0),
+        ("SPREAD", 1.5),
+        ("ROUNDING", 1e-6),
+        ("NEGATIVE_ROUNDING", 1e-6),
+        ("CUT", 0.0),
+        ("LEAST_VARIANCE", 1e-6),
+        ("LAYERS", 4.0),
+        ("OVERLAP", 0.0025),
+        ("SHARPNESS", 80.0),
+        ("POSITIVE", 40.0),
+        ("NEGATIVE", 5.0),
+        ("DEVIATION", 5e-5),
+        ("MOMENT_BIAS", 6e-5),
+        ("MOMENT_TARGET", 0.628),
+    ];
+    let mut text = String::new();
+    for (name, value) in numbers {
+        text += &format!("const {name}: f32 = {value:?};\n");
+    }
+    text += &format!("const BOTH: bool = {both};\n");
+    source("config", text)
+}
+
+/// The format-specific part of `gpu::blur`, for its slot `target`: a storage texture of WGSL's format `name`,
+/// which only the module that declares it can write.
+#[must_use]
+pub fn blur_target(name: &str) -> String {
+    let value = if name == "rg32uint" {
+        "vec4u(pack2x16unorm(value.xy), pack2x16unorm(value.zw), 0u, 1u)"
+    } else {
+        "value"
+    };
+    format!(
+        "@group(0) @binding(1) var output: texture_storage_2d_array<{name}, write>;\n\
+         fn put(at: vec2i, layer: i32, value: vec4f) {{\n\
+         textureStore(output, at, layer, {value});\n}}"
+    )
 }
 
 fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
@@ -115,6 +188,27 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
             ],
         ),
     ];
+    for (name, store, estimator, both) in [
+        ("vsm", "filter::texels", "filter::vsm", false),
+        ("lvsm", "filter::texels", "filter::lvsm", false),
+        ("esm", "filter::texels", "filter::esm", false),
+        ("evsm", "filter::texels", "filter::evsm", true),
+        ("evsm-2", "filter::texels", "filter::evsm", false),
+        ("msm", "filter::texels", "filter::msm", false),
+        ("msm-16", "filter::texels_16", "filter::msm", false),
+    ] {
+        let slots =
+            vec![module("store", store), module("estimator", estimator), filtered_constants(both)];
+        all.push((name, slots));
+    }
+    let cubic = kernel("filter::kernel::cubic");
+    all.push(("cubic", vec![loaded.clone(), separable.clone(), cubic]));
+    let points = poisson_constants(&[[0.0, 1.0], [0.5, -0.5]], 2.0);
+    let constants = source("config", format!("{points}\nconst PROBES: i32 = 1;"));
+    all.push((
+        "adaptive",
+        vec![loaded.clone(), module("estimator", "filter::adaptive"), constants],
+    ));
     for (name, n) in [("box-2", 2), ("box-3", 3), ("box-7", 7)] {
         let slots = vec![loaded.clone(), separable.clone(), kernel("filter::kernel::box"), side(n)];
         all.push((name, slots));

@@ -2,7 +2,9 @@
 
 use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
-use antumbra_gpu::{Frame, Gpu, MeshSet, Recorder, Technique, ViewSamples, read_f32_texture};
+use antumbra_gpu::{
+    Expectation, Frame, Gpu, MeshSet, Recorder, Technique, ViewSamples, read_f32_texture,
+};
 use antumbra_map::{MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, Tracer, TruthOptions, ViewSample};
@@ -14,7 +16,7 @@ use glam::{DAffine3, DVec2, DVec3, Vec3};
 const PLANES_ONLY: [&str; 3] = ["map/planar", "map/shadow-texture", "map/disc"];
 
 /// All techniques that shadow any receiver, and the variants that differ in more than numbers, on maps of `size`
-/// texels.
+/// texels, or half of it for filtered stores.
 fn techniques(size: u32) -> Vec<Config> {
     let mut all = every_technique(size);
     all.retain(|config| !PLANES_ONLY.contains(&config.id()));
@@ -33,9 +35,23 @@ fn every_technique(size: u32) -> Vec<Config> {
         Config::PcfPoisson(PcfPoisson { taps: 1, radius: 0.0, ..Default::default() }),
     ]);
     for config in &mut all {
-        config.set_map_size(size);
+        // A texel of a filtered store costs a kernel of taps, whether a sample looks at it or not.
+        config.set_map_size(if is_bound(config) { size / 2 } else { size });
     }
     all
+}
+
+/// The same without those that by design have acne or cast no shadow of an open sheet: tests of their own say
+/// what holds of them.
+fn sound_techniques(size: u32) -> Vec<Config> {
+    let holds = |config: &Config, case| match config.expectation(case) {
+        Some(Expectation::Holds { bound }) => bound == 0.0,
+        _ => false,
+    };
+    let sound = |config: &Config| {
+        holds(config, "lone receivers, directional") && holds(config, "HC-06 open sheet")
+    };
+    techniques(size).into_iter().filter(sound).collect()
 }
 
 /// A sphere and a turned box over a floor: a crease, a contact, a curved and a detached shadow.
@@ -77,11 +93,23 @@ fn hard(light: &Light) -> Light {
     }
 }
 
+/// Whether the technique bounds visibility from above: lit samples are lit, dark ones close behind their casters or
+/// under several of them leak.
+fn is_bound(config: &Config) -> bool {
+    matches!(
+        config,
+        Config::Vsm(_) | Config::Lvsm(_) | Config::Esm(_) | Config::Evsm(_) | Config::Msm(_)
+    )
+}
+
 #[test]
 fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
     // Pixels this near to a change of the truth are left out: 4 pixels are 12 cm on the floor, a kernel of
     // 7 texels on the cube's face 4 cm.
     const BAND: isize = 4;
+    // A bound that leaks more counts; of the dark samples 1 in 20 may, at the foot of the box: exponentials leak a
+    // tenth at 3 % of the depth range, some 3 m here, behind a caster.
+    const LEAK: f32 = 0.1;
     let gpu = gpu();
     let scene = scene();
     let stage = stage(&gpu, &scene);
@@ -111,9 +139,9 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
             count(0.0),
             count(1.0)
         );
-        for config in techniques(1024) {
+        for config in sound_techniques(1024) {
             let visibility = shoot(&gpu, &stage, &light, &config);
-            let mut off = 0;
+            let (mut off, mut leaky) = (0, 0);
             for (i, (v, sample)) in visibility.iter().zip(&samples).enumerate() {
                 assert!((0.0..=1.0).contains(v), "{config:?}, {kind:?}: visibility {v}");
                 if sample.normal == Vec3::ZERO {
@@ -125,9 +153,19 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
                 if sample.normal.as_dvec3().dot(to_light) < -1e-4 {
                     assert_eq!(*v, 0.0, "{config:?}, {kind:?}: a sample that faces away");
                 }
-                off += usize::from(inner[i] && (v - truth.visibility[i]).abs() > 1e-6);
+                let error = v - truth.visibility[i];
+                if is_bound(&config) && error > 0.0 {
+                    leaky += usize::from(inner[i] && error > LEAK);
+                } else {
+                    off += usize::from(inner[i] && error.abs() > 1e-6);
+                }
             }
             assert_eq!(off, 0, "{config:?}, {kind:?}: samples off inside shadow or light");
+            assert!(
+                20 * leaky <= count(0.0),
+                "{config:?}, {kind:?}: of {} dark samples {leaky} are lit by {LEAK}",
+                count(0.0)
+            );
         }
         // The control: another light's answer.
         let other = shoot(&gpu, &stage, &wrong, &catalogue()[0]);
@@ -200,7 +238,7 @@ fn seams_of_the_cube_are_no_worse_than_the_middle_of_its_faces() {
         casters: &meshes,
         origin: meshes.origin(),
     };
-    for config in techniques(1024) {
+    for config in sound_techniques(1024) {
         let mut technique = config.build(&gpu).expect("a valid config");
         let visibility = run(&gpu, &frame, technique.as_mut());
         let mean = |counts: &dyn Fn(usize, f32) -> bool| {

@@ -1,11 +1,11 @@
 //! The library as a guest: on a caller's device, with a caller's depth, in a caller's shader; and what it says
 //! to a caller's mistakes.
 
-use antumbra::catalogue;
+use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfCastano, PcfGrid, PcfHardware};
 use antumbra_gpu::{
-    DepthCamera, DepthSamples, Frame, Gpu, GpuError, GpuOptions, MeshSet, Recorder, Technique,
-    ViewCamera, ViewSamples, bind, read_f32_texture,
+    DepthCamera, DepthSamples, Expectation, Frame, Gpu, GpuError, GpuOptions, MeshSet, Recorder,
+    Technique, ViewCamera, ViewSamples, bind, read_f32_texture,
 };
 use antumbra_map::{
     Bias, DepthConvention, Estimator, FittedView, Layout, MapConfig, MapRead, MapTechnique,
@@ -511,6 +511,11 @@ fn acne(
     counts
 }
 
+/// Whether theory promises as much.
+fn is_free_of_acne(config: &Config) -> bool {
+    config.expectation("lone receivers, directional") == Some(Expectation::Holds { bound: 0.0 })
+}
+
 #[test]
 fn lone_receivers_seen_through_a_depth_buffer_have_no_acne() {
     let gpu = gpu();
@@ -524,7 +529,7 @@ fn lone_receivers_seen_through_a_depth_buffer_have_no_acne() {
             for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
                 let light = scene.place_light(kind);
                 for size in [128, 1024] {
-                    for mut config in catalogue() {
+                    for mut config in catalogue().into_iter().filter(is_free_of_acne) {
                         config.set_map_size(size);
                         let mut technique = config.build(&gpu).expect("a valid config");
                         let frame = Frame { samples: &samples, ..stage.frame(&light) };

@@ -5,7 +5,7 @@ use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
 use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig as _,
 };
-use antumbra_map::{Bias, DiscShadows, MapConfig, MapTechnique, Plain};
+use antumbra_map::{Bias, DiscShadows, MapConfig, MapTechnique, Plain, SecondDepth, SecondSurface};
 use antumbra_measure::stability::{CASES, Case};
 use antumbra_scene::Light;
 use antumbra_tests::gpu;
@@ -20,6 +20,11 @@ fn techniques(size: u32) -> Vec<Config> {
         Config::PcfCastano(PcfCastano { side: 7, ..Default::default() }),
         Config::PcfCastano(PcfCastano { side: 7, hardware: true, ..Default::default() }),
         Config::PcfPoisson(PcfPoisson { radius: 3.5, ..Default::default() }),
+        Config::SecondDepth(SecondDepth {
+            surface: SecondSurface::SecondLayer,
+            ..Default::default()
+        }),
+        Config::SecondDepth(SecondDepth { bias: 0.1, ..Default::default() }),
     ]);
     for config in &mut all {
         config.set_map_size(size);
@@ -42,12 +47,12 @@ fn measure(gpu: &Gpu, case: &Case, config: &Config, size: u32) -> f64 {
     measured.unwrap_or_else(|e| panic!("{}, {config:?}: {e}", case.name))
 }
 
-/// Checks every technique on every case whose name `keep` keeps.
-fn check_all(size: u32, keep: fn(&str) -> bool) {
+/// Checks the techniques that `which` keeps on every case whose name `keep` keeps.
+fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
     let gpu = gpu();
     let mut surprises = Vec::new();
     for case in CASES.iter().filter(|case| keep(case.name)) {
-        for config in techniques(size) {
+        for config in techniques(size).into_iter().filter(which) {
             let expected = config.expectation(case.name).expect("an expectation for every case");
             let measured = try_measure(&gpu, case, &config, size);
             let met = match (&measured, expected) {
@@ -66,17 +71,23 @@ fn check_all(size: u32, keep: fn(&str) -> bool) {
 
 #[test]
 fn all_is_as_expected_on_small_maps() {
-    check_all(128, |_| true);
+    check(128, |_| true, |_| true);
 }
 
 #[test]
 fn all_is_as_expected_on_middling_maps() {
-    check_all(1024, |_| true);
+    check(1024, |_| true, |_| true);
 }
 
 #[test]
 fn no_receiver_shadows_itself_on_large_maps() {
-    check_all(4096, |name| name.starts_with("lone receivers") || name.starts_with("HC-03"));
+    // Filtered stores of this size take minutes and gigabytes here, and their bias knows texels only as 1024 does.
+    let unfiltered = |config: &Config| {
+        let stores = ["filter/vsm", "filter/lvsm", "filter/esm", "filter/evsm", "filter/msm"];
+        !stores.contains(&config.id())
+    };
+    let acne = |name: &str| name.starts_with("lone receivers") || name.starts_with("HC-03");
+    check(4096, acne, unfiltered);
 }
 
 fn case(name: &str) -> &'static Case {

@@ -5,7 +5,7 @@
 //! both sides and add nothing.
 
 use antumbra_filter::kernel::Separable;
-use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfHardware};
+use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfCubic, PcfGrid, PcfHardware};
 use antumbra_gpu::{Gpu, SUBPIXEL_STEP, bind, read_buffer, read_f32_texture};
 use antumbra_map::{
     Bias, DepthConvention, Estimator, FittedView, Fitting, MapConfig, MapRead, MapTechnique,
@@ -213,7 +213,7 @@ fn locate_agrees_with_its_twin_within_the_derived_slack() {
             }
         }
         let bias = |constant: f32, slope: f32| {
-            let bias = Bias { constant, slope, cone: 0.0, receiver_plane: true };
+            let bias = Bias { constant, slope, cone: 0.0, ..Bias::default() };
             ShadowView::new(&clip, fitted.light, 0, convention, &bias, &estimator)
         };
         let plain = locator.locate(&gpu, &bias(0.0, 0.0), size, &receivers);
@@ -245,6 +245,46 @@ fn locate_agrees_with_its_twin_within_the_derived_slack() {
     assert!(2 * beyond_none > total, "only {beyond_none} of {total} differ at all");
     // And the bound is no blank cheque.
     assert!(worst_slack > 1e-3, "the largest difference is only {worst_slack} of the slack");
+}
+
+#[test]
+fn a_normal_offset_moves_the_receiver_as_its_twin_says() {
+    const PER_VIEW: usize = 500;
+    const OFFSET: f32 = 3.0;
+    let gpu = gpu();
+    let locator = Locator::new(&gpu);
+    let convention = DepthConvention::REVERSED_F32;
+    let mut random = Random(2);
+    let (mut moved, mut worst) = (0, 0f64);
+    for (fitted, size) in views() {
+        let clip = fitted.clip.expect("a view with casters").as_mat4().as_dmat4();
+        let world = clip.inverse();
+        let receivers: Vec<(Vec3, Vec3)> = (0..PER_VIEW)
+            .map(|_| {
+                let ndc = random.vector() * DVec3::new(1.0, 1.0, 0.4) + DVec3::new(0.0, 0.0, 0.6);
+                let n = random.vector().normalize();
+                (world.project_point3(ndc).as_vec3(), n.as_vec3())
+            })
+            .collect();
+        let view = |normal: f32| {
+            let bias = Bias { normal, ..Bias::NONE };
+            ShadowView::new(&clip, fitted.light, 0, convention, &bias, &Estimator::nearest())
+        };
+        let still = locator.locate(&gpu, &view(0.0), size, &receivers);
+        let found = locator.locate(&gpu, &view(OFFSET), size, &receivers);
+        for (((p, n), still), found) in receivers.iter().zip(&still).zip(&found) {
+            let (p, n, size) = (p.as_dvec3(), n.as_dvec3(), f64::from(size));
+            let to_light = fitted.light.as_vec4().as_dvec4().truncate();
+            let away = twin::normal_offset(&clip, to_light, size, p, n) * f64::from(OFFSET);
+            let exact = twin::locate(&clip, size, p + n * away, n);
+            // The moved point is rounded, as a view sample is; the offset, some 3 texels at most, to 32 u.
+            let bound = 2.0 * bounds(&clip, size, p + n * away, &exact).texel + 96.0 * U * size;
+            worst = worst.max(((found.texel - exact.texel).abs() / bound).max_element());
+            moved += usize::from((found.texel - still.texel).length() > 0.5);
+        }
+    }
+    assert!(worst <= 1.0, "off by {worst} of the bound");
+    assert!(moved > 1000, "only {moved} receivers move by more than half a texel");
 }
 
 /// A lookup in f64 with everything that `locate` adds to the twin's.
@@ -410,7 +450,10 @@ fn separable_filters_agree_with_brute_force() {
     let gpu = gpu();
     let (stage, lights) = stage_and_lights(&gpu);
     let valid = "a valid config";
-    let mut filters = vec![(Estimator::nearest(), Separable::Box { side: 1 })];
+    let mut filters = vec![
+        (Estimator::nearest(), Separable::Box { side: 1 }),
+        (PcfCubic::default().estimator(), Separable::Cubic),
+    ];
     for side in [2, 3, 7] {
         let estimator = PcfGrid { side, ..Default::default() }.estimator().expect(valid);
         filters.push((estimator, Separable::Box { side }));

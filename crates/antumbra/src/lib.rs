@@ -105,6 +105,16 @@ macro_rules! techniques {
 techniques! {
     /// The plain shadow map.
     Plain(antumbra_map::Plain) = "map/plain",
+    /// The far sides of casters in place of the near ones.
+    SecondDepth(antumbra_map::SecondDepth) = "map/second-depth",
+    /// Halfway between the first two surfaces.
+    Midpoint(antumbra_map::Midpoint) = "map/midpoint",
+    /// The midpoint, with a limit.
+    DualLayers(antumbra_map::DualLayers) = "map/dual-layers",
+    /// The hardware's polygon offset.
+    SlopeBias(antumbra_map::SlopeBias) = "map/slope-bias",
+    /// The receiver moved along its normal.
+    NormalOffset(antumbra_map::NormalOffset) = "map/normal-offset",
     /// Casters flattened onto planes.
     Planar(antumbra_map::Planar) = "map/planar",
     /// A mask of the casters, thrown onto planes.
@@ -126,6 +136,27 @@ techniques! {
     #[cfg(feature = "filter")]
     /// A turned Poisson disc.
     PcfPoisson(antumbra_filter::PcfPoisson) = "filter/pcf-poisson",
+    #[cfg(feature = "filter")]
+    /// The cubic B-spline.
+    PcfCubic(antumbra_filter::PcfCubic) = "filter/pcf-cubic",
+    #[cfg(feature = "filter")]
+    /// A disc whose rim is looked at first.
+    PcfAdaptive(antumbra_filter::PcfAdaptive) = "filter/pcf-adaptive",
+    #[cfg(feature = "filter")]
+    /// Variance shadow maps.
+    Vsm(antumbra_filter::Vsm) = "filter/vsm",
+    #[cfg(feature = "filter")]
+    /// Variance shadow maps of slices of the depth range.
+    Lvsm(antumbra_filter::Lvsm) = "filter/lvsm",
+    #[cfg(feature = "filter")]
+    /// Exponential shadow maps.
+    Esm(antumbra_filter::Esm) = "filter/esm",
+    #[cfg(feature = "filter")]
+    /// Exponential variance shadow maps.
+    Evsm(antumbra_filter::Evsm) = "filter/evsm",
+    #[cfg(feature = "filter")]
+    /// Moment shadow maps.
+    Msm(antumbra_filter::Msm) = "filter/msm",
 }
 
 impl Config {

@@ -17,6 +17,8 @@ pub enum Separable {
         /// Taps an axis.
         side: u32,
     },
+    /// The cubic B-spline, 4 texels.
+    Cubic,
     /// Castano's kernel of `side` = 3, 5 or 7 texels (2013).
     Castano {
         /// Texels of the kernel at a texel's centre.
@@ -31,6 +33,7 @@ impl Separable {
         match self {
             Self::Box { side } => side,
             Self::Tent { side } | Self::Castano { side } => side + 1,
+            Self::Cubic => 4,
         }
     }
 
@@ -40,6 +43,7 @@ impl Separable {
         match self {
             Self::Box { side } => 0.5 * (f64::from(side) - 1.0),
             Self::Tent { side } | Self::Castano { side } => 0.5 * f64::from(side),
+            Self::Cubic => 1.5,
         }
     }
 
@@ -51,6 +55,14 @@ impl Separable {
             Self::Tent { side } => {
                 let inner = if i == 0 { 1.0 - fraction } else { 1.0 };
                 (if i == side { fraction } else { inner }) / f64::from(side)
+            }
+            Self::Cubic => {
+                let a = if i < 2 { 1.0 - fraction } else { fraction };
+                if i == 0 || i == 3 {
+                    a.powi(3) / 6.0
+                } else {
+                    (1.0 + 3.0 * a + 3.0 * a.powi(2) - 3.0 * a.powi(3)) / 6.0
+                }
             }
             Self::Castano { side } => {
                 let core = antumbra_shaders::castano_core(side).unwrap_or(&[]);
@@ -75,15 +87,7 @@ impl Separable {
 /// (1991), from a fixed seed, so that every build gives the same points.
 #[must_use]
 pub fn poisson_disc(count: u32) -> Vec<[f32; 2]> {
-    // SplitMix64 (Steele, Lea, Flood 2014).
-    let mut state = 0x0061_6E74_756D_6272_u64;
-    let mut unit = move || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * (0.5f64).powi(53)
-    };
+    let mut unit = unit_numbers();
     let mut point = move || {
         let (radius, angle) = (unit().sqrt(), std::f64::consts::TAU * unit());
         [(radius * angle.cos()) as f32, (radius * angle.sin()) as f32]
@@ -107,11 +111,41 @@ pub fn poisson_disc(count: u32) -> Vec<[f32; 2]> {
     points
 }
 
+/// `side`² points in the unit disc, outermost first: the middles of a grid's cells, each moved within its cell from
+/// a fixed seed, with one axis of the grid around the disc and the square root of the other outwards, so that
+/// each point stands for the same area (Uralsky 2005).
+#[must_use]
+pub fn stratified_disc(side: u32) -> Vec<[f32; 2]> {
+    let mut unit = unit_numbers();
+    let mut polar: Vec<[f64; 2]> = (0..side * side)
+        .map(|i| {
+            let cell = |k: u32, jitter: f64| (f64::from(k) + jitter) / f64::from(side);
+            let (along, outward) = (unit(), unit());
+            [cell(i / side, outward).sqrt(), std::f64::consts::TAU * cell(i % side, along)]
+        })
+        .collect();
+    polar.sort_by(|a, b| b[0].total_cmp(&a[0]));
+    polar.iter().map(|[r, angle]| [(r * angle.cos()) as f32, (r * angle.sin()) as f32]).collect()
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014) from a fixed seed, as numbers in [0, 1).
+fn unit_numbers() -> impl FnMut() -> f64 {
+    let mut state = 0x0061_6E74_756D_6272_u64;
+    move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 * (0.5f64).powi(53)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const KERNELS: [Separable; 8] = [
+    const KERNELS: [Separable; 9] = [
+        Separable::Cubic,
         Separable::Box { side: 1 },
         Separable::Box { side: 2 },
         Separable::Box { side: 7 },
@@ -160,10 +194,11 @@ mod tests {
 
     #[test]
     fn edge_responses_are_as_steep_as_published() {
-        // Largest slope a texel: bilinear 1, tent 1/n, Castano 1/2, 1/3, 4/13.
+        // Largest slope a texel: bilinear 1, tent 1/n, cubic 3/4 (the quadratic B-spline's peak), Castano 1/2, 1/3, 4/13.
         for (kernel, slope) in [
             (Separable::Tent { side: 1 }, 1.0),
             (Separable::Tent { side: 4 }, 0.25),
+            (Separable::Cubic, 0.75),
             (Separable::Castano { side: 3 }, 0.5),
             (Separable::Castano { side: 5 }, 1.0 / 3.0),
             (Separable::Castano { side: 7 }, 4.0 / 13.0),
@@ -173,7 +208,8 @@ mod tests {
                 .map(|k| f64::from(k) * h)
                 .map(|t| (profile(kernel, t) - profile(kernel, t + h)) / h)
                 .fold(0.0, f64::max);
-            assert!((steepest - slope).abs() < 1e-9, "{kernel:?}: {steepest}");
+            // A difference quotient is off by h² times a sixth of the curvature, 2 at most.
+            assert!((steepest - slope).abs() < 1e-6, "{kernel:?}: {steepest}");
         }
     }
 
@@ -186,6 +222,37 @@ mod tests {
             for (i, value) in integers.iter().enumerate() {
                 let weight = Separable::Castano { side }.weight(i as u32, 0.0);
                 assert_eq!(weight, f64::from(*value) / f64::from(sum), "side {side}, texel {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_cubic_kernel_approximates_and_its_second_derivative_has_no_jump() {
+        // A single texel never reaches 1: (2/3)^2.
+        let centre = Separable::Cubic.weight(1, 0.0);
+        assert!((centre - 2.0 / 3.0).abs() < 1e-15, "weight {centre} at a texel's centre");
+        // The profile's slope is the quadratic B-spline, whose own slope changes by at most 2 a texel, and never jumps.
+        let h = 1e-3;
+        let at = |k: i32| profile(Separable::Cubic, f64::from(k) * h);
+        let second = |k: i32| (at(k + 1) - 2.0 * at(k) + at(k - 1)) / (h * h);
+        for k in -2500..2500 {
+            let jump = (second(k + 1) - second(k)).abs();
+            assert!(jump <= 2.1 * h, "a jump of {jump} at {}", f64::from(k) * h);
+        }
+    }
+
+    #[test]
+    fn stratified_points_cover_the_disc_evenly_outermost_first() {
+        for side in [2, 4, 8] {
+            let points = stratified_disc(side);
+            let radii: Vec<f32> = points.iter().map(|p| p[0].hypot(p[1])).collect();
+            assert_eq!(points.len(), (side * side) as usize, "number of points");
+            assert!(radii.windows(2).all(|r| r[0] >= r[1]) && radii[0] <= 1.0, "{radii:?}");
+            // A ring of cells holds `side` points: the k-th from outside lies within the ring's area.
+            for (i, r) in radii.iter().enumerate() {
+                let ring = side - 1 - i as u32 / side;
+                let share = |k: u32| (f64::from(k) / f64::from(side)).sqrt() as f32;
+                assert!((share(ring)..=share(ring + 1) + 1e-6).contains(r), "point {i} at {r}");
             }
         }
     }

@@ -5,7 +5,7 @@ use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, expectation};
 use antumbra_shaders::{Slot, castano_constants, castano_core, module, poisson_constants, source};
 use serde::{Deserialize, Serialize};
 
-use crate::kernel::{Separable, poisson_disc};
+use crate::kernel::{Separable, poisson_disc, stratified_disc};
 
 /// Largest kernel side: 63 x 63 compares a sample, far beyond what any frame affords; a larger value is
 /// surely a mistake.
@@ -72,6 +72,37 @@ pub struct PcfPoisson {
     pub taps: u32,
     /// Radius of the disc, texels, 0 to 31, default 2.5, the half width of a 5x5 grid.
     pub radius: f32,
+}
+
+/// PCF with the cubic B-spline over 4 x 4 texels (Sigg, Hadwiger 2005): a smooth response of slope 3/4 a texel at
+/// most, the smoothest reconstruction of a magnified map here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfCubic {
+    /// The shadow map.
+    pub map: MapConfig,
+}
+
+/// PCF over a disc of 64 taps of which the outermost 8 are looked at first, and the others only where those
+/// disagree (Uralsky 2005). What is smaller than the gaps between these 8 and lies within them is missed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PcfAdaptive {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// Taps a side of the grid that is bent into the disc, 2 to 11, default 8 as published. Cost: `side`
+    /// compares a sample, and the square of it in the penumbra.
+    pub side: u32,
+    /// Radius of the disc, texels, 0 to 31, default 2.5.
+    pub radius: f32,
+    /// Looks at all taps everywhere, default false: to measure what is missed.
+    pub exhaustive: bool,
+}
+
+impl Default for PcfAdaptive {
+    fn default() -> Self {
+        Self { map: MapConfig::default(), side: 8, radius: 2.5, exhaustive: false }
+    }
 }
 
 impl Default for PcfGrid {
@@ -228,11 +259,7 @@ impl PcfPoisson {
             let fix = "use 1 to 128 taps";
             return Err(GpuError::Invalid { what: "taps", value: self.taps.to_string(), fix });
         }
-        // The kernel's side, 2 radius + 1, has the same limit as the grids.
-        if !(0.0..=0.5 * (MAX_SIDE - 1) as f32).contains(&self.radius) {
-            let fix = "use a radius of 0 to 31 texels";
-            return Err(GpuError::Invalid { what: "radius", value: self.radius.to_string(), fix });
-        }
+        check_radius(self.radius)?;
         Ok(Estimator {
             slots: vec![
                 module("store", "common::depth_map"),
@@ -259,6 +286,79 @@ impl TechniqueConfig for PcfPoisson {
     fn expectation(&self, case: &str) -> Option<Expectation> {
         expectation(&self.map, &self.estimator().ok()?, case)
     }
+}
+
+impl PcfCubic {
+    /// The estimator, for any layout.
+    #[must_use]
+    pub fn estimator(&self) -> Estimator {
+        separable(Separable::Cubic, "filter::kernel::cubic", source("config", ""))
+    }
+}
+
+impl TechniqueConfig for PcfCubic {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator())?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator(), case)
+    }
+}
+
+impl PcfAdaptive {
+    /// The estimator, for any layout.
+    ///
+    /// # Errors
+    /// A side or a radius out of range.
+    pub fn estimator(&self) -> Result<Estimator, GpuError> {
+        if !(2..=11).contains(&self.side) {
+            let fix = "use 2 to 11";
+            return Err(GpuError::Invalid { what: "side", value: self.side.to_string(), fix });
+        }
+        check_radius(self.radius)?;
+        let taps = self.side * self.side;
+        let probes = if self.exhaustive { taps } else { self.side };
+        let constants = poisson_constants(&stratified_disc(self.side), self.radius);
+        Ok(Estimator {
+            slots: vec![
+                module("store", "common::depth_map"),
+                module("estimator", "filter::adaptive"),
+                source("config", format!("{constants}\nconst PROBES: i32 = {probes};")),
+            ],
+            read: MapRead::Texels,
+            radius: self.radius + 0.5,
+            reach: 0.0,
+            fetches: taps,
+        })
+    }
+}
+
+impl TechniqueConfig for PcfAdaptive {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        Ok(Box::new(MapTechnique::new(gpu, &self.map, self.estimator()?)?))
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation(&self.map, &self.estimator().ok()?, case)
+    }
+}
+
+fn check_radius(radius: f32) -> Result<(), GpuError> {
+    // The kernel's side, 2 radius + 1, has the same limit as the grids.
+    if (0.0..=0.5 * (MAX_SIDE - 1) as f32).contains(&radius) {
+        return Ok(());
+    }
+    let fix = "use a radius of 0 to 31 texels";
+    Err(GpuError::Invalid { what: "radius", value: radius.to_string(), fix })
 }
 
 fn check_side(side: u32) -> Result<u32, GpuError> {
@@ -304,6 +404,10 @@ mod tests {
         }
         for (taps, radius) in [(0, 1.0), (129, 1.0), (12, -1.0), (12, f32::NAN), (12, 32.0)] {
             let config = PcfPoisson { taps, radius, ..Default::default() };
+            assert!(config.estimator().is_err(), "{config:?}");
+        }
+        for (side, radius) in [(1, 1.0), (12, 1.0), (8, -1.0), (8, f32::NAN), (8, 32.0)] {
+            let config = PcfAdaptive { side, radius, ..Default::default() };
             assert!(config.estimator().is_err(), "{config:?}");
         }
     }

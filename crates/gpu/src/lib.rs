@@ -8,6 +8,7 @@
 //! in `f64` ([`antumbra_scene::Scene::origin`]), so that scenes far from the world's origin keep
 //! their precision. Clip space is WebGPU's: z in [0, 1], y up; texture v runs down.
 
+mod blur;
 mod context;
 mod edges;
 mod error;
@@ -21,6 +22,7 @@ mod samples;
 mod scan;
 mod technique;
 
+pub use blur::{Blur, BlurJob, BlurShader, MAX_BLUR_RADIUS, blur_rounding};
 pub use context::{Gpu, GpuOptions};
 pub use edges::{Body, CasterEdges, EdgeFault, Edges};
 pub use error::GpuError;

@@ -19,6 +19,7 @@ pub struct MeshSet {
     origin: DVec3,
     positions: wgpu::Buffer,
     indices: wgpu::Buffer,
+    objects: wgpu::Buffer,
     vertices: u32,
     triangles: u32,
     depth: wgpu::RenderPipeline,
@@ -113,6 +114,11 @@ impl MeshSet {
         );
         let (parts, order) = parts(triangles);
         let indices = buffer("indices", bytemuck::cast_slice(&order), wgpu::BufferUsages::INDEX);
+        let objects = buffer(
+            "objects",
+            bytemuck::cast_slice(&objects(triangles)),
+            wgpu::BufferUsages::empty(),
+        );
         let camera = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("camera"),
             size: size_of::<CameraUniform>() as u64,
@@ -127,6 +133,7 @@ impl MeshSet {
                 bind::buffer(0, &camera),
                 bind::buffer(1, &positions),
                 bind::buffer(2, &indices),
+                bind::buffer(3, &objects),
             ],
         });
         Ok(Self {
@@ -134,6 +141,7 @@ impl MeshSet {
             origin: triangles.origin,
             positions,
             indices,
+            objects,
             vertices: triangles.positions.len() as u32,
             triangles: triangles.triangles.len() as u32,
             depth: depth_pipeline(gpu)?,
@@ -141,7 +149,7 @@ impl MeshSet {
             camera,
             camera_group,
             cull: true,
-            geometry: (triangles.positions.clone(), triangles.triangles.clone()),
+            geometry: (triangles.positions.clone(), order),
             edges: OnceLock::new(),
         })
     }
@@ -171,7 +179,8 @@ impl MeshSet {
     /// Draws what `camera` sees into `samples`. `depth` is scratch of the same size and of format
     /// `Depth32Float`.
     ///
-    /// The positions lie on their triangles' planes to within rounding, so their error bound is 0.
+    /// The positions lie on their triangles' planes to within rounding, so their error bound is 0; each sample
+    /// says which instance it lies on.
     pub fn encode_view_samples(
         &self,
         gpu: &Gpu,
@@ -216,6 +225,27 @@ impl MeshSet {
         let cull = self.cull;
         self.parts.iter().filter(move |part| !(cull && part.floor.as_ref().is_some_and(lies_below)))
     }
+
+    /// Calls `visit` with the ranges of the index buffer that can shadow something in `view`. Clusters that follow
+    /// one another are one range.
+    fn runs(&self, view: &LightView<'_>, mut visit: impl FnMut(Range<u32>)) {
+        let seen = |bounds: &Bounds| !(self.cull && outside(view, bounds));
+        let mut run = 0..0;
+        for part in self.casting(view.light).filter(|part| seen(&part.bounds)) {
+            for cluster in part.clusters.iter().filter(|cluster| seen(&cluster.bounds)) {
+                if run.end != cluster.indices.start {
+                    let done = std::mem::replace(&mut run, cluster.indices.clone());
+                    if !done.is_empty() {
+                        visit(done);
+                    }
+                }
+                run.end = cluster.indices.end;
+            }
+        }
+        if !run.is_empty() {
+            visit(run);
+        }
+    }
 }
 
 impl Casters for MeshSet {
@@ -246,30 +276,11 @@ impl Casters for MeshSet {
         pass.set_bind_group(0, view.bind_group, &[view.offset]);
         pass.set_vertex_buffer(0, self.positions.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-        let mut draw = |range: Range<u32>| {
-            if !range.is_empty() {
-                drawn.draws += 1;
-                drawn.triangles += u64::from((range.end - range.start) / 3);
-                pass.draw_indexed(range, 0, 0..1);
-            }
-        };
-        // Clusters that follow one another are drawn in one call.
-        let mut run = 0..0;
-        for part in self.casting(view.light) {
-            if self.cull && outside(view, &part.bounds) {
-                continue;
-            }
-            for cluster in &part.clusters {
-                if self.cull && outside(view, &cluster.bounds) {
-                    continue;
-                }
-                if run.end != cluster.indices.start {
-                    draw(std::mem::replace(&mut run, cluster.indices.clone()));
-                }
-                run.end = cluster.indices.end;
-            }
-        }
-        draw(run);
+        self.runs(view, |range| {
+            drawn.draws += 1;
+            drawn.triangles += u64::from((range.end - range.start) / 3);
+            pass.draw_indexed(range, 0, 0..1);
+        });
         drawn
     }
 
@@ -277,6 +288,7 @@ impl Casters for MeshSet {
         Some(CasterTriangles {
             positions: &self.positions,
             indices: &self.indices,
+            objects: &self.objects,
             vertices: self.vertices,
             triangles: self.triangles,
         })
@@ -296,6 +308,10 @@ impl Casters for MeshSet {
         let made = CasterEdges::new(gpu, &Edges::new(positions, triangles))?;
         Ok(Some(self.edges.get_or_init(|| made)))
     }
+
+    fn ranges(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
+        self.runs(view, |range| visit(range.start / 3..range.end / 3));
+    }
 }
 
 /// Whether the whole box lies beyond one plane of the clip volume, or of the volume that matters. Near and far do
@@ -307,6 +323,15 @@ fn outside(view: &LightView<'_>, bounds: &Bounds) -> bool {
         [|c| c.x > c.w, |c| -c.x > c.w, |c| c.y > c.w, |c| -c.y > c.w, |c| c.w <= 0.0];
     let behind = |plane: &DVec4| corners.iter().all(|c| plane.truncate().dot(*c) + plane.w < 0.0);
     beyond.iter().any(|plane| clipped.iter().all(plane)) || view.volume.iter().any(behind)
+}
+
+/// The number of the instance to which each triangle belongs.
+fn objects(triangles: &Triangles) -> Vec<u32> {
+    let mut objects = vec![0; triangles.triangles.len()];
+    for (object, range) in triangles.instances.iter().enumerate() {
+        objects[range.clone()].fill(object as u32);
+    }
+    objects
 }
 
 /// The instances of `triangles`, and the triangles in the order of their clusters.
@@ -420,6 +445,7 @@ fn samples_pipeline(gpu: &Gpu) -> Result<(wgpu::RenderPipeline, wgpu::BindGroupL
             entries::uniform(0, VS | wgpu::ShaderStages::FRAGMENT),
             entries::storage(1, VS),
             entries::storage(2, VS),
+            entries::storage(3, VS),
         ],
     });
     let module = gpu.shader("view samples", antumbra_shaders::link("gpu::view_samples", &[])?);

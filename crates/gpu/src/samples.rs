@@ -6,8 +6,9 @@ use crate::{Gpu, GpuError, Recorder, ViewCamera, bind, entries, read_f32_texture
 
 /// Position and geometric normal of the surface behind each pixel, on the GPU.
 ///
-/// `positions`, `Rgba32Float`: xyz relative to the frame's origin, metres; w = 1, or 0 where the pixel
-/// shows no surface. `normals`, `Rgba32Float`: xyz the unit geometric normal on the viewer's side; w a
+/// `positions`, `Rgba32Float`: xyz relative to the frame's origin, metres; w = 0 where the pixel shows no
+/// surface, 2 + the number of the surface's object ([`crate::CasterTriangles::objects`]) where that is known,
+/// else 1. `normals`, `Rgba32Float`: xyz the unit geometric normal on the viewer's side; w a
 /// bound on the position's distance from the true surface, metres (0 for positions on the surface).
 #[derive(Clone, Debug)]
 pub struct ViewSamples {

@@ -1,6 +1,7 @@
 //! The contract between a frame, its casters and a shadow technique.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use antumbra_scene::{Bounds, Light};
 use glam::{DMat4, DVec3, DVec4, Mat4};
@@ -159,6 +160,15 @@ pub trait Casters {
         let _ = gpu;
         Ok(None)
     }
+
+    /// Calls `visit` with the ranges of [`Casters::triangles`], counted in triangles, that can shadow
+    /// something in `view`: those that [`Casters::draw`] draws. All of them by default.
+    fn ranges(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
+        let _ = view;
+        if let Some(all) = self.triangles() {
+            visit(0..all.triangles);
+        }
+    }
 }
 
 /// What [`Casters::bodies`] says of one body.
@@ -179,6 +189,8 @@ pub struct CasterTriangles<'a> {
     pub positions: &'a wgpu::Buffer,
     /// Three `u32` vertex indices a triangle. Usages `INDEX` and `STORAGE`.
     pub indices: &'a wgpu::Buffer,
+    /// One `u32` a triangle: the number of the object it belongs to, below 2^24. Usage `STORAGE`.
+    pub objects: &'a wgpu::Buffer,
     /// Number of vertices.
     pub vertices: u32,
     /// Number of triangles.

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 /// whose depth is its reference, plus the rasteriser's sub-texel step. With the receiver's plane that
 /// distance is 0 for estimators that read texels one by one; without it, it is the kernel's radius. So 1
 /// is right for every map size, light and kernel, and there is nothing to tune; other values exist to
-/// study what happens without. On top of it comes the cone.
+/// study what happens without. On top of it come the cone, and, for those who want them, what renderers set
+/// by hand: a constant in metres and an offset along the normal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bias {
@@ -31,17 +32,41 @@ pub struct Bias {
     pub cone: f32,
     /// Factor on the rounding term, >= 0, default 1.
     pub constant: f32,
+    /// Moves the receiver towards the light by so many metres of light depth, >= 0, default 0: the constant bias
+    /// of old. On a floor lit at the elevation a it opens a gap of `metres` cos a less the caster's thickness.
+    pub metres: f32,
+    /// Moves the receiver along its normal by so many sides of a texel times the sine of the angle between the
+    /// normal and the map's axis, >= 0, default 0 (Holbert 2011). [`crate::NormalOffset`] says how much replaces
+    /// `receiver_plane`; a shadow's edge moves by up to as much.
+    pub normal: f32,
 }
 
 impl Default for Bias {
     fn default() -> Self {
-        Self { receiver_plane: true, slope: 1.0, cone: 2.0, constant: 1.0 }
+        Self {
+            receiver_plane: true,
+            slope: 1.0,
+            cone: 2.0,
+            constant: 1.0,
+            metres: 0.0,
+            normal: 0.0,
+        }
     }
 }
 
 impl Bias {
     /// No bias at all: half of every sloped receiver is in false shadow. A control for tests.
-    pub const NONE: Self = Self { receiver_plane: false, slope: 0.0, cone: 0.0, constant: 0.0 };
+    pub const NONE: Self = Self {
+        receiver_plane: false,
+        slope: 0.0,
+        cone: 0.0,
+        constant: 0.0,
+        metres: 0.0,
+        normal: 0.0,
+    };
+
+    /// The bound on rounding alone: for maps that keep a receiver from being compared with its own surface.
+    pub const ROUNDING: Self = Self { constant: 1.0, ..Self::NONE };
 
     /// # Errors
     /// A factor that is negative or not finite.
@@ -50,6 +75,8 @@ impl Bias {
             ("bias.slope", self.slope),
             ("bias.cone", self.cone),
             ("bias.constant", self.constant),
+            ("bias.metres", self.metres),
+            ("bias.normal", self.normal),
         ];
         for (what, value) in factors {
             if !(value.is_finite() && value >= 0.0) {

@@ -2,21 +2,84 @@
 //!
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
 
+pub(crate) mod self_shadowing;
+
 use antumbra_gpu::Expectation;
 
 use crate::projection::expectation::isolated;
-use crate::{Estimator, MapConfig};
+use crate::{Estimator, MapConfig, Omni};
 
 /// What theory says, on the hard case named `case`, of a technique that compares the receiver's plane with a
 /// depth map fitted to the casters; `None` for a case that is not known here.
 #[must_use]
 pub fn expectation(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectation> {
-    depth_map(estimator, map.size, case)
+    if map.omni == Omni::WarpedParaboloid && case == "lone receivers, point" {
+        // How much of a receiver its own edges hide, drawn straight: nobody has said.
+        return None;
+    }
+    around(map, estimator, case).or_else(|| depth_map(map.omni, estimator, map.size, case))
+}
+
+/// Cases of point lights, where layouts other than the cube differ from it.
+fn around(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectation> {
+    use Expectation::{Holds, KnownLimit};
+    if map.omni == Omni::Cube {
+        return None;
+    }
+    let (radius, size) = (f64::from(estimator.radius), f64::from(map.size));
+    let guard = radius.ceil() as u32 + 1;
+    let band = size / (size - 2.0 * f64::from(guard)).max(1.0);
+    let half_width = Omni::half_width(map.size, guard);
+    // A map that is not fitted to the one caster: its largest texel, radians times the map's side. A tetrahedron's
+    // view is 2 x 3.08 wide, in tangents of angles; a unit of chart is an angle of up to the chart's `STRETCH`.
+    let texel = match map.omni {
+        Omni::Isocube => 2.0 * half_width * 1.2,
+        Omni::DualParaboloid | Omni::WarpedParaboloid => 2.0 * half_width * 2.0,
+        Omni::Cube | Omni::Tetrahedron => 2.0 * 3.077 * band,
+    };
+    let reach = std::f64::consts::SQRT_2 * (radius + 1.0 / 256.0) * texel;
+    // Straight edges are off by up to an eighth of the square of the longest edge's angle, in units of the chart.
+    let off = |angle: f64| match map.omni {
+        Omni::WarpedParaboloid => 0.125 * angle * angle * 2.0 * size,
+        _ => 0.0,
+    };
+    Some(match case {
+        // An angle is 4.5 m of the caster's plane at its corners, 4.2 m off and 19 degrees aslant, and an ideal
+        // texel 2 m of it over the map's side; its edges span 0.48.
+        "HC-01 A, point light" => Holds { bound: (reach + off(0.48)) * 4.5 / 2.0 },
+        // The same for a triangle up to 2.5 m off and 36 degrees aslant, whose edges span up to 0.93.
+        "HC-02 light amid the caster" => Holds { bound: (reach + off(0.93)) * 3.0 / 2.0 },
+        "HC-12 two triangles below the light" if map.omni == Omni::WarpedParaboloid => KnownLimit {
+            at_least: 0.5,
+            at_most: 0.5,
+            because: "only vertices are where they belong: all of the square is drawn at its corners' distance of \
+                      28 m, farther than the floor, which is lit",
+        },
+        _ => return None,
+    })
+}
+
+/// HC-11, on seams that are a layout's own or another's.
+///
+/// Guard bands hold what kernels reach, so an own seam is no edge: a tenth is left to what is random of two means
+/// over the same receivers. Another's seam lies anywhere, and there an edge's error goes with the side of the
+/// texels, whose greatest and least differ by a factor: a cube's by 3, the square of 3^-1/2 being the change of a
+/// tangent from a face's middle to its corner, and by as much as they get narrower; a tetrahedron's by 0.309^-2;
+/// an isocube's from 0.585 to 1.1 radians a unit of chart; a paraboloid's by 2.
+fn seams(omni: Omni, own: bool) -> f64 {
+    let factor = match omni {
+        _ if own => 1.0,
+        Omni::Cube => 3.0,
+        Omni::Tetrahedron => 0.309_f64.powi(-2),
+        Omni::Isocube => 1.1 / 0.585,
+        Omni::DualParaboloid | Omni::WarpedParaboloid => 2.0,
+    };
+    factor - 1.0 + 0.1
 }
 
 /// Techniques that compare the receiver's plane with a depth map fitted to the casters, of `size` texels a
 /// side.
-fn depth_map(estimator: &Estimator, size: u32, case: &str) -> Option<Expectation> {
+fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option<Expectation> {
     use Expectation::Holds;
     let (radius, size) = (f64::from(estimator.radius), f64::from(size));
     // The map keeps a guard band of the kernel's radius and one texel around the casters, which makes its
@@ -50,6 +113,24 @@ fn depth_map(estimator: &Estimator, size: u32, case: &str) -> Option<Expectation
         // Reversed float depth keeps 1 part in 2^23 of the distance, and the lookup's rounding is bounded relative
         // to it; the case needs 1 in 10000.
         "HC-13 depth precision" | "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
+        "HC-11 seams of a cube" => Holds { bound: seams(omni, omni == Omni::Cube) },
+        "HC-11 seams of a tetrahedron" => Holds { bound: seams(omni, omni == Omni::Tetrahedron) },
+        "HC-11 seams of an isocube" => Holds { bound: seams(omni, omni == Omni::Isocube) },
+        "HC-11 seams of a paraboloid" => {
+            let own = matches!(omni, Omni::DualParaboloid | Omni::WarpedParaboloid);
+            Holds { bound: seams(omni, own) }
+        }
+        // Perspective keeps lines straight and depths on them right; charts are traced texel by texel.
+        "HC-12 two triangles below the light" | "HC-38 depth along a long edge" => {
+            Holds { bound: 0.0 }
+        }
+        // The nearest depth is a caster's wherever one is drawn, open or closed; a convex body lies behind its
+        // tangent planes; and where bodies meet, all that is judged lies beyond the kernel.
+        "HC-06 open sheet"
+        | "HC-07 post under a lid"
+        | "HC-08 sphere's limb"
+        | "HC-09 boxes in each other"
+        | "HC-10 triangles below a texel" => Holds { bound: 0.0 },
         // All f32 positions are relative to an origin near the scene.
         "HC-14 far from the origin" => Holds { bound: 0.0 },
         "HC-31 wire below a texel" => wire(radius, size, texel),

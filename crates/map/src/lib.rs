@@ -11,7 +11,9 @@
 //! Nothing needs tuning: the receiver's own plane gives each texel its reference depth, and what remains
 //! is a rounding bound that the shader derives per sample (`common/lookup.wesl`).
 
+mod between;
 mod bias;
+mod caster_depth;
 mod chart_pass;
 mod estimator;
 mod expectation;
@@ -19,9 +21,11 @@ mod fit;
 mod layout;
 mod linear;
 mod omni;
+mod peel;
 pub mod projection;
 mod resolve;
 mod sampling_error;
+mod self_shadowing;
 mod shadow_map;
 mod store;
 mod technique;
@@ -29,16 +33,22 @@ pub mod twin;
 mod view;
 mod visible;
 
+pub use between::{Between, Metric};
 pub use bias::Bias;
+pub use caster_depth::{CasterDepth, Faces, PolygonOffset};
 pub use estimator::{Estimator, MapRead};
 pub use expectation::expectation;
 pub use fit::{FittedView, Fitting, SeenView, Sight, fit, fit_seen};
 pub use layout::{Arrange, Drawing, Layout};
 pub use linear::LinearDepth;
 pub use omni::Omni;
+pub use peel::DepthPeel;
 pub use projection::{DiscShadows, Planar, Plane, ShadowTexture};
 pub use resolve::Resolve;
 pub use sampling_error::{SamplingError, TexelOnScreen};
+pub use self_shadowing::{
+    DualLayers, Midpoint, NormalOffset, SecondDepth, SecondSurface, SlopeBias,
+};
 pub use shadow_map::ShadowMap;
 pub use store::Store;
 pub use technique::{MapConfig, MapTechnique, Plain};

@@ -5,20 +5,27 @@ use glam::{DMat4, DVec3};
 use crate::DepthConvention;
 
 /// Linear depth in [0, 1] as a function of the map's depth d: (x d + y) / (z d + w), clamped, where the
-/// denominator is positive, else 1. The twin of `common/linear_depth.wesl`.
+/// denominator is positive, else 1. An empty texel has 1. The twin of `common/linear_depth.wesl`.
 ///
 /// A map keeps depth as the projection gives it, in perspective near / distance, of which means and squares
 /// say nothing about distances. Linear depth is distance along the view's axis (the face's axis, for a
 /// cube; not the distance from the light, which would bend planes that the axis keeps straight), 0 at the
 /// nearest caster. It reaches 1 behind the farthest caster by as much as the casters are deep or the window
-/// is wide there, whichever is more. Everything beyond, receivers and empty texels alike, counts as there:
-/// so a receiver beyond the end is still far behind every caster, and a kernel over an empty
-/// neighbourhood sees the receiver's own depth.
+/// is wide there, whichever is more. Empty texels count as there, and so does every receiver beyond the last
+/// caster: it is far behind every caster, and a kernel over an empty neighbourhood sees the receiver's own
+/// depth, as if it had been drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearDepth {
     /// x, y, z, w.
     pub coefficients: [f64; 4],
+    /// The depth of an empty texel.
+    pub empty: f64,
+    /// Linear depth beyond which there is no caster: the farthest one's and 2^-10 more, which is far more than
+    /// rounding makes of it and less than any shadow shows.
+    pub last: f64,
 }
+
+const BEYOND: f64 = 1.0 / 1024.0;
 
 impl LinearDepth {
     /// The function for the projection `clip`, whose depth must be one of distance along its axis alone (any
@@ -28,14 +35,16 @@ impl LinearDepth {
     pub fn new(clip: &DMat4, hull: &[DVec3], convention: DepthConvention) -> Self {
         let (depth, across, w) = (clip.row(2), clip.row(0).truncate(), clip.row(3));
         let axis = w.truncate();
+        let empty = f64::from(convention.clear());
         if axis == DVec3::ZERO {
             let order = f64::from(convention.order());
             let depths = hull.iter().map(|p| order * depth.dot(p.extend(1.0)));
             let (near, far) = span(depths);
             // 2 of normalised coordinates across, in metres, times depth a metre.
             let width = 2.0 / across.length() * depth.truncate().length();
-            let end = end(near, far, width);
-            return Self { coefficients: [order, -near, 0.0, end - near] };
+            let range = end(near, far, width) - near;
+            let last = (far - near) / range + BEYOND;
+            return Self { coefficients: [order, -near, 0.0, range], empty, last };
         }
         // Depth is a + b / w.
         let a = depth.truncate().dot(axis) / axis.length_squared();
@@ -48,7 +57,11 @@ impl LinearDepth {
         let width = 2.0 * far / aside.length();
         let range = end(near, far, width) - near;
         let sign = b.signum();
-        Self { coefficients: [-near, b + near * a, range, -a * range].map(|c| c * sign) }
+        Self {
+            coefficients: [-near, b + near * a, range, -a * range].map(|c| c * sign),
+            empty,
+            last: (far - near) / range + BEYOND,
+        }
     }
 
     /// The function for a curved view from `eye`, whose depth is `near` over the distance from the light: linear in
@@ -58,10 +71,20 @@ impl LinearDepth {
         let (first, last) = span(hull.iter().map(|p| p.distance(eye).max(near)));
         // A window as wide as what it shows is deep.
         let range = end(first, last, 2.0 * last) - first;
-        Self { coefficients: [-first, near, range, 0.0] }
+        Self {
+            coefficients: [-first, near, range, 0.0],
+            empty: 0.0,
+            last: (last - first) / range + BEYOND,
+        }
     }
 
-    /// Linear depth of the map's depth `d`.
+    /// Linear depth of a texel that holds `d`.
+    #[must_use]
+    pub fn of_texel(&self, d: f64) -> f64 {
+        if d == self.empty { 1.0 } else { self.of(d) }
+    }
+
+    /// Linear depth of the depth `d`, which for a receiver may lie beyond the map's.
     #[must_use]
     pub fn of(&self, d: f64) -> f64 {
         let [x, y, z, w] = self.coefficients;
@@ -118,7 +141,7 @@ mod tests {
                 let found = linear.of(d);
                 assert!((found - expected).abs() < 1e-12, "{distance} m: {found}, not {expected}");
             }
-            let empty = linear.of(f64::from(convention.clear()));
+            let empty = linear.of_texel(f64::from(convention.clear()));
             assert_eq!(empty, 1.0, "an empty texel of far {far}, reversed {reversed}");
         }
     }
@@ -140,7 +163,7 @@ mod tests {
                 let views = fit(&light, hull, &fitting).expect("a valid light");
                 for clip in views.iter().filter_map(|v| v.clip) {
                     let linear = LinearDepth::new(&clip, hull, DepthConvention::REVERSED_F32);
-                    assert_eq!(linear.of(0.0), 1.0, "{light:?}: an empty texel");
+                    assert_eq!(linear.of_texel(0.0), 1.0, "{light:?}: an empty texel");
                     // Faces of a cube that the casters straddle hold none of their corners.
                     let inside = |c: DVec4| c.w > 0.0 && c.truncate().abs().max_element() <= c.w;
                     let seen = hull.iter().map(|p| clip * p.extend(1.0)).filter(|c| inside(*c));

@@ -136,20 +136,24 @@ impl Arrange for Omni {
 /// the opposite edge, and the tangents of half the view's width and height: 143.99 and 125.26 degrees (Liao 2010).
 #[must_use]
 pub(crate) fn tetrahedron_face(k: usize) -> (DMat3, DVec2) {
-    // Faces are named by their middles; the corners of one are opposite the middles of the others.
+    let corners = tetrahedron_corners(k);
+    let back = -(corners[0] + (corners[1] + corners[2]).normalize()).normalize();
+    let up = corners[0].reject_from_normalized(back).normalize();
+    let basis = DMat3::from_cols(up.cross(back), up, back).transpose();
+    let tangents = corners.map(|c| basis * c).map(|c| (c.truncate() / c.z).abs());
+    (basis, tangents[0].max(tangents[1]).max(tangents[2]))
+}
+
+/// Directions of the corners of face `k`. Faces are named by their middles; the corners of one are opposite the
+/// middles of the others.
+pub(crate) fn tetrahedron_corners(k: usize) -> [DVec3; 3] {
     const MIDDLES: [DVec3; 4] = [
         DVec3::new(1.0, 1.0, 1.0),
         DVec3::new(-1.0, -1.0, 1.0),
         DVec3::new(-1.0, 1.0, -1.0),
         DVec3::new(1.0, -1.0, -1.0),
     ];
-    let corner = |i: usize| -MIDDLES[(k + i) % 4].normalize();
-    let corners = [corner(1), corner(2), corner(3)];
-    let back = -(corners[0] + (corners[1] + corners[2]).normalize()).normalize();
-    let up = corners[0].reject_from_normalized(back).normalize();
-    let basis = DMat3::from_cols(up.cross(back), up, back).transpose();
-    let tangents = corners.map(|c| basis * c).map(|c| (c.truncate() / c.z).abs());
-    (basis, tangents[0].max(tangents[1]).max(tangents[2]))
+    [1, 2, 3].map(|i| -MIDDLES[(k + i) % 4].normalize())
 }
 
 /// Rows of the frame of a chart whose middle is `axis`, the third row.

@@ -1,13 +1,13 @@
 //! The depth texture of a light and the passes that fill it.
 
-use antumbra_gpu::{Counters, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
+use antumbra_gpu::{Counters, Drawn, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
 use antumbra_scene::Bounds;
 use glam::{DVec3, DVec4, Mat4};
 
 use crate::chart_pass::{ChartPass, triangles_of};
 use crate::{
-    Arrange, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView, Sight,
-    VisibleRegion,
+    Arrange, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView,
+    Sight, VisibleRegion,
 };
 
 /// Fitted views of a light and the depth map that holds them, one layer a view with casters.
@@ -29,11 +29,14 @@ pub struct ShadowMap {
     counters: Counters,
 }
 
+/// An array of square depth textures.
 #[derive(Debug)]
-struct Layers {
-    texture: wgpu::Texture,
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
+pub(crate) struct Layers {
+    pub(crate) texture: wgpu::Texture,
+    /// All layers, `D2Array`.
+    pub(crate) whole: wgpu::TextureView,
+    /// Each layer, `D2`.
+    pub(crate) each: Vec<wgpu::TextureView>,
 }
 
 /// The matrices of the views, for their depth passes.
@@ -183,27 +186,42 @@ impl ShadowMap {
 
     /// Records one depth pass for each view with casters.
     pub fn encode(&mut self, frame: &Frame<'_>, recorder: &mut Recorder<'_>) {
-        let convention = DepthConvention::REVERSED_F32;
+        let charts = self.charts.take();
+        self.encode_by(frame, recorder, |view, pass| match (&charts, frame.casters.triangles()) {
+            (Some(charts), Some(triangles)) => charts.draw(&triangles, view.offset, pass),
+            _ => frame.casters.draw(view, pass),
+        });
+        self.charts = charts;
+    }
+
+    /// As [`ShadowMap::encode`], but draws the casters' triangles by `depth`.
+    ///
+    /// # Errors
+    /// Casters that keep their triangles to themselves.
+    pub fn encode_triangles(
+        &mut self,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        depth: &CasterDepth,
+    ) -> Result<(), GpuError> {
+        let triangles = crate::caster_depth::triangles(frame.casters)?;
+        self.encode_by(frame, recorder, |view, pass| {
+            depth.draw(frame.casters, &triangles, view, pass)
+        });
+        Ok(())
+    }
+
+    fn encode_by(
+        &mut self,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        draw: impl Fn(&LightView<'_>, &mut wgpu::RenderPass<'_>) -> Drawn,
+    ) {
+        let clear = DepthConvention::REVERSED_F32.clear();
         let (mut passes, mut draws, mut triangles) = (0, 0, 0);
-        let views = self.views.iter().zip(&self.volumes);
-        let clips = views.filter_map(|(view, volume)| Some((view.clip?, volume)));
-        let layers = self.layers.iter().flat_map(|l| &l.each);
-        for (index, ((clip, volume), layer)) in clips.zip(layers).enumerate() {
-            let view = LightView {
-                clip: clip.as_mat4(),
-                bind_group: &self.matrices.group,
-                offset: index as u32 * self.stride,
-                format: Self::FORMAT,
-                order: convention.order(),
-                light: frame.light,
-                origin: frame.origin,
-                volume,
-            };
-            let mut pass = recorder.depth_pass("map/depth", layer, convention.clear());
-            let drawn = match (&self.charts, frame.casters.triangles()) {
-                (Some(charts), Some(triangles)) => charts.draw(&triangles, view.offset, &mut pass),
-                _ => frame.casters.draw(&view, &mut pass),
-            };
+        for (view, layer) in self.light_views(frame).zip(self.layer_views()) {
+            let mut pass = recorder.depth_pass("map/depth", layer, clear);
+            let drawn = draw(&view, &mut pass);
             passes += 1;
             draws += drawn.draws;
             triangles += drawn.triangles;
@@ -222,6 +240,29 @@ impl ShadowMap {
     #[must_use]
     pub fn arrange(&self) -> &dyn Arrange {
         self.arrange.as_ref()
+    }
+
+    /// The views with casters, in the order of their layers, for drawing into them.
+    pub fn light_views<'a>(&'a self, frame: &Frame<'a>) -> impl Iterator<Item = LightView<'a>> {
+        let (light, origin) = (frame.light, frame.origin);
+        let views = self.views.iter().zip(&self.volumes);
+        let clips = views.filter_map(|(view, volume)| Some((view.clip?, volume)));
+        clips.enumerate().map(move |(index, (clip, volume))| LightView {
+            clip: clip.as_mat4(),
+            bind_group: &self.matrices.group,
+            offset: index as u32 * self.stride,
+            format: Self::FORMAT,
+            order: DepthConvention::REVERSED_F32.order(),
+            light,
+            origin,
+            volume,
+        })
+    }
+
+    /// Each layer of the map as a `D2` view.
+    #[must_use]
+    pub fn layer_views(&self) -> &[wgpu::TextureView] {
+        self.layers.as_ref().map_or(&[], |l| &l.each)
     }
 
     /// The fitted views, in the layout's order. A view with a matrix has a layer; layers are numbered in
@@ -295,7 +336,7 @@ impl Matrices {
 }
 
 impl Layers {
-    fn new(gpu: &Gpu, size: u32, count: u32) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, size: u32, count: u32) -> Result<Self, GpuError> {
         let texture = gpu.create_texture(
             "shadow map",
             &wgpu::TextureDescriptor {

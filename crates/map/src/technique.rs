@@ -6,8 +6,8 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Arrange, Bias, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve, ShadowMap,
-    ShadowView, Store, expectation,
+    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve,
+    ShadowMap, ShadowView, Store, caster_depth, expectation,
 };
 
 /// Settings that every technique over a shadow map shares.
@@ -58,6 +58,7 @@ pub struct MapTechnique {
     config: MapConfig,
     estimator: Estimator,
     map: ShadowMap,
+    drawn_by: Option<CasterDepth>,
     store: Option<Box<dyn Store>>,
     resolve: Option<(Layout, Resolve)>,
     nothing: Option<wgpu::TextureView>,
@@ -115,6 +116,7 @@ impl MapTechnique {
             config: *config,
             estimator,
             map,
+            drawn_by: None,
             store,
             resolve: None,
             nothing: None,
@@ -128,6 +130,13 @@ impl MapTechnique {
     /// As [`MapTechnique::new`].
     pub fn plain(gpu: &Gpu, config: &MapConfig) -> Result<Self, GpuError> {
         Self::new(gpu, config, Estimator::nearest())
+    }
+
+    /// Has the map drawn from the casters' triangles by `depth` instead of [`antumbra_gpu::Casters::draw`].
+    #[must_use]
+    pub fn drawn_by(mut self, depth: CasterDepth) -> Self {
+        self.drawn_by = Some(depth);
+        self
     }
 
     /// The map itself, for other uses of it.
@@ -180,6 +189,9 @@ impl Technique for MapTechnique {
         if let Some((_, resolve)) = &self.resolve {
             resolve.set_views(gpu, &views)?;
         }
+        if self.drawn_by.is_some() {
+            caster_depth::triangles(frame.casters)?;
+        }
         if let Some(store) = &mut self.store {
             store.prepare(gpu, frame, &self.map)?;
         }
@@ -205,7 +217,10 @@ impl Technique for MapTechnique {
                 fix: "call `prepare` with this frame before `encode`",
             });
         };
-        self.map.encode(frame, recorder);
+        match &self.drawn_by {
+            Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
+            None => self.map.encode(frame, recorder),
+        }
         self.counters = self.map.counters().clone();
         if let Some(store) = &mut self.store {
             store.encode(gpu, frame, &self.map, recorder)?;

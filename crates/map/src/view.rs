@@ -56,7 +56,9 @@ pub struct ShadowView {
     light: [f32; 4],
     depth: [f32; 4],
     bias: [f32; 4],
+    offset: [f32; 4],
     linear: [f32; 4],
+    range: [f32; 4],
 }
 
 impl ShadowView {
@@ -86,14 +88,20 @@ impl ShadowView {
                 // an axis from its four texels.
                 0.5 * estimator.reach,
             ],
+            offset: [bias.metres, bias.normal, 0.0, 0.0],
             linear: [0.0; 4],
+            range: [0.0; 4],
         }
     }
 
     /// The same view with linear depth, for estimators that read a filterable store.
     #[must_use]
     pub fn with_linear(self, depth: &LinearDepth) -> Self {
-        Self { linear: depth.coefficients.map(|c| c as f32), ..self }
+        Self {
+            linear: depth.coefficients.map(|c| c as f32),
+            range: [depth.last as f32, 0.0, 0.0, 0.0],
+            ..self
+        }
     }
 
     /// A view into which no caster falls: everything is outside of it, hence lit.

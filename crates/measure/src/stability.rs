@@ -9,10 +9,12 @@
 //! whose map covers more is held to a bound that says so.
 
 mod acne;
+mod bodies;
 mod edge;
 mod known;
 mod line;
 mod motion;
+mod seams;
 mod seen;
 mod topology;
 
@@ -58,6 +60,7 @@ impl Case {
 const FALSE_SHADOW: &str = "share of the samples facing the light that are not fully lit";
 const FARTHEST: &str = "distance of the farthest wrong sample from the shadow's edge, texels";
 const GAP: &str = "lit strip between caster and shadow, texels";
+const EXCESS: &str = "error within a texel of a seam beyond that elsewhere, as a share of it";
 const WRONG: &str = "share of wrong samples, none of them near a shadow's edge";
 
 /// All hard cases.
@@ -135,6 +138,72 @@ pub const CASES: &[Case] = &[
         about: "a closed body keeps the shadow at its foot, for maps of back faces too",
         number: GAP,
         measure: line::cube,
+    },
+    Case {
+        name: "HC-06 open sheet",
+        about: "a single sheet that shows the light its front casts a shadow like any other",
+        number: WRONG,
+        measure: |gpu, technique, _| known::sheet().wrong_share(gpu, technique),
+    },
+    Case {
+        name: "HC-07 post under a lid",
+        about: "a post a tenth of a texel thick, which no texel shows, stands in the shadow of a sheet",
+        number: WRONG,
+        measure: |gpu, technique, size| known::post_under_lid(size).wrong_share(gpu, technique),
+    },
+    Case {
+        name: "HC-08 sphere's limb",
+        about: "the lit half of a sphere is lit up to the limb, where front and back converge",
+        number: "distance from the limb of the farthest sample not fully lit, texels",
+        measure: bodies::limb,
+    },
+    Case {
+        name: "HC-09 boxes in each other",
+        about: "two boxes that run into each other: layers that belong to neither alone",
+        number: WRONG,
+        measure: bodies::interpenetrating,
+    },
+    Case {
+        name: "HC-10 triangles below a texel",
+        about: "a lone floor with eight triangles a texel",
+        number: FALSE_SHADOW,
+        measure: bodies::fine_floor,
+    },
+    Case {
+        name: "HC-11 seams of a cube",
+        about: "shadow edges across the edges between a cube map's faces are no worse than elsewhere",
+        number: EXCESS,
+        measure: |gpu, technique, size| seams::excess(gpu, technique, size, &seams::of_a_cube()),
+    },
+    Case {
+        name: "HC-11 seams of a tetrahedron",
+        about: "shadow edges across the edges between a tetrahedron's faces are no worse than elsewhere",
+        number: EXCESS,
+        measure: |gpu, technique, size| {
+            seams::excess(gpu, technique, size, &seams::of_a_tetrahedron())
+        },
+    },
+    Case {
+        name: "HC-11 seams of an isocube",
+        about: "shadow edges across the edges between an isocube's charts are no worse than elsewhere",
+        number: EXCESS,
+        measure: |gpu, technique, size| {
+            seams::excess(gpu, technique, size, &seams::of_an_isocube())
+        },
+    },
+    Case {
+        name: "HC-11 seams of a paraboloid",
+        about: "shadow edges across the rim on which two paraboloids meet are no worse than elsewhere",
+        number: EXCESS,
+        measure: |gpu, technique, size| {
+            seams::excess(gpu, technique, size, &seams::of_a_paraboloid())
+        },
+    },
+    Case {
+        name: "HC-12 two triangles below the light",
+        about: "a square of 40 m, 1 m below a point light, in two triangles: edges of 90 degrees",
+        number: WRONG,
+        measure: |gpu, technique, _| known::wide_square().wrong_share(gpu, technique),
     },
     Case {
         name: "HC-13 depth precision",
@@ -225,6 +294,12 @@ pub const CASES: &[Case] = &[
         about: "a wire of 0.4 texels across the texels' rows at 30 degrees",
         number: "mean visibility under the wire's axis",
         measure: line::wire,
+    },
+    Case {
+        name: "HC-38 depth along a long edge",
+        about: "a quad from 1 m to 9 m from a spot light hides a plate: depth is not linear along its edges",
+        number: WRONG,
+        measure: |gpu, technique, _| known::long_edge().wrong_share(gpu, technique),
     },
     Case {
         name: "HC-39 creeping camera",

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
+use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use anyhow::{Context as _, bail};
 use globset::Glob;
@@ -102,10 +103,20 @@ fn entries() -> Vec<Entry> {
         catalogue().into_iter().map(|config| Entry { name: config.id().to_owned(), config });
     let variant =
         |suffix: &str, config: Config| Entry { name: format!("{}-{suffix}", config.id()), config };
+    let omni = |omni| MapConfig { omni, ..MapConfig::default() };
+    let plain = |layout| Config::Plain(Plain { map: omni(layout) });
+    let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     defaults
         .chain([
+            variant("tetrahedron", plain(Omni::Tetrahedron)),
+            variant("isocube", plain(Omni::Isocube)),
+            variant("paraboloid", plain(Omni::DualParaboloid)),
+            variant("paraboloid-warped", plain(Omni::WarpedParaboloid)),
+            variant("tetrahedron", grid(Omni::Tetrahedron)),
+            variant("isocube", grid(Omni::Isocube)),
+            variant("paraboloid", grid(Omni::DualParaboloid)),
             variant("5", Config::PcfGrid(PcfGrid { side: 5, ..Default::default() })),
             variant("7", Config::PcfGrid(PcfGrid { side: 7, ..Default::default() })),
             variant(
@@ -220,8 +231,11 @@ mod tests {
 
     #[test]
     fn patterns_select_and_unknown_ones_list_what_there_is() {
-        let some = select_techniques(&["map/*".into(), "filter/pcf-grid*".into()], false)
-            .expect("patterns that match");
+        let some = select_techniques(
+            &["map/plain".into(), "filter/pcf-grid".into(), "filter/pcf-grid-?".into()],
+            false,
+        )
+        .expect("patterns that match");
         let names: Vec<_> = some.iter().map(|e| e.name.as_str()).collect();
         assert_eq!(
             names,

@@ -1,0 +1,117 @@
+//! What theory says of filtered bounds on each hard case.
+
+use antumbra_gpu::Expectation;
+use antumbra_map::{Estimator, MapConfig};
+
+use crate::prefilter::Prefilter;
+
+/// A bound and the settings on which its leak depends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Bound {
+    Variance { deviation: f64 },
+    Exponential { sharpness: f64 },
+    Warps { positive: f64, deviation: f64 },
+    Moments { bias: f64 },
+    Layers { count: u32, deviation: f64 },
+}
+
+impl Bound {
+    /// Bound on the light of a receiver a share `gap` of the depth range behind the nearest of its casters, all
+    /// of one surface whose depth has the standard deviation `spread` within the kernel.
+    fn leak(self, gap: f64, spread: f64) -> f64 {
+        match self {
+            Self::Variance { deviation } => (deviation.powi(2) + spread.powi(2)) / gap.powi(2),
+            // A kernel spans no more than 3 deviations on either side.
+            Self::Exponential { sharpness } => (-sharpness * (gap - 3.0 * spread)).exp(),
+            Self::Warps { positive: c, deviation } => {
+                let two_layers = (2.0 * (2.0 * c * (gap - 3.0 * spread)).exp() - 1.0).powi(-2);
+                (2.0 * c * deviation).powi(2) + two_layers
+            }
+            // What is mixed in has a variance below 1, on a range of 2.
+            Self::Moments { bias } => bias / gap.powi(2),
+            // At worst all in one layer, which cannot hold more than its thickness.
+            Self::Layers { count, deviation } => {
+                let layers = f64::from(count);
+                let gap = (gap * layers - 1.0).clamp(gap, 1.0);
+                let spread = if gap < 1.0 { spread * layers } else { 0.0 };
+                (deviation.powi(2) + spread.powi(2)) / gap.powi(2)
+            }
+        }
+    }
+}
+
+/// A visibility that is off by as much counts as wrong (`antumbra_measure::stability`).
+const WRONG: f64 = 1e-5;
+
+pub(crate) fn expectation(
+    map: &MapConfig,
+    filter: &Prefilter,
+    bound: Bound,
+    case: &str,
+) -> Option<Expectation> {
+    let radius = filter.reach();
+    let estimator = Estimator { radius: radius as f32, ..Estimator::nearest() };
+    let exact = antumbra_map::expectation(map, &estimator, case)?;
+    let size = f64::from(map.size);
+    // As in `antumbra_map`: the guard band makes texels larger than ideal ones.
+    let texel = size / (size - 2.0 * (radius.ceil() + 1.0)).max(1.0);
+    Some(match case {
+        // The floor lies beyond the last caster, which is level: as far from it as the range is long.
+        "HC-01 A, point light"
+        | "HC-01 B, sun overhead"
+        | "HC-01 B, turned 30 degrees"
+        | "HC-02 light amid the caster" => leaky(exact, bound, size, 1.0, 1.0, 0.0),
+        "HC-01 C, slanting sun" => {
+            // A square of 2 m at 45 degrees to the light: sqrt 2 m deep, in a window 2 texel m wide. The range
+            // goes on behind it by the window's width.
+            let (deep, wide) = (std::f64::consts::SQRT_2, 2.0 * texel);
+            let range = deep + wide;
+            // Depth changes by as much as one goes to the side.
+            let spread = filter.spread() * wide / size / range;
+            leaky(exact, bound, size, 1.0 - deep / range, 1.0, spread)
+        }
+        "HC-04 thin wall" | "HC-05 cube" => match bound {
+            Bound::Moments { .. } | Bound::Layers { .. } => {
+                Expectation::Holds { bound: contact(filter) * texel }
+            }
+            _ => exact,
+        },
+        _ => exact,
+    })
+}
+
+/// `exact`, or a known limit where the leak in the middle of a shadow counts as wrong: `gap` is the least
+/// and `most` the largest distance between caster and receiver.
+fn leaky(
+    exact: Expectation,
+    bound: Bound,
+    size: f64,
+    gap: f64,
+    most: f64,
+    spread: f64,
+) -> Expectation {
+    if bound.leak(gap, spread) <= WRONG {
+        return exact;
+    }
+    // Variance leaks no less than this either; of the others only the upper bound is known.
+    let everywhere = matches!(bound, Bound::Variance { deviation }
+        if deviation.powi(2) + spread.powi(2) > WRONG * (most.powi(2) + 1e-4));
+    Expectation::KnownLimit {
+        // The middle of a shadow is about half a map from its edge, or a quarter of that where it is narrow.
+        at_least: if everywhere { 0.125 * size } else { 0.0 },
+        at_most: size,
+        because: "what is far behind a caster still gets a share of light, of the spread of depth within the \
+                  kernel over the square of the gap",
+    }
+}
+
+/// Texels of floor at the foot of a wall, the light at 45 degrees to both, that four moments leave lit.
+///
+/// Along the light, a floor point x texels of floor from the foot lies x sqrt 2 behind the wall, and a texel of
+/// the map is as wide as 1 / sqrt 2 of a texel of floor. The receiver is moved towards the light by the plane's
+/// slope, 1, over the kernel's reach, and the cone's, 2 an axis, over its spread. Beyond that, as for
+/// comparisons, 2 texels and the reach, and a spread more for the slope of the wall itself within the kernel.
+fn contact(filter: &Prefilter) -> f64 {
+    let moved = 0.5 * (filter.reach() + 8f64.sqrt() * filter.spread());
+    2.0 + filter.reach() + moved + filter.spread()
+}

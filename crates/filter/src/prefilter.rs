@@ -1,0 +1,307 @@
+//! Kernels that filter a store ahead of the lookup, and the store that results.
+
+use antumbra_gpu::{
+    Blur, BlurJob, BlurShader, Counters, Frame, Gpu, GpuError, MAX_BLUR_RADIUS, Recorder,
+    blur_rounding,
+};
+use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store};
+use antumbra_shaders::{Slot, module, source};
+use serde::{Deserialize, Serialize};
+
+/// Shape of a separable kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shape {
+    /// Equal weights. With the lookup's interpolation it is the kernel of
+    /// [`PcfBilinearGrid`](crate::PcfBilinearGrid) with `side` 2 `radius` + 1.
+    Box,
+    /// exp(-d² / (2 s²)) with s = (`radius` + 1/2) / 2, cut off at `radius`.
+    #[default]
+    Gaussian,
+}
+
+/// The kernel by which a store is filtered when the map is drawn; the lookup interpolates between texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Prefilter {
+    /// Shape, default Gaussian.
+    pub shape: Shape,
+    /// Radius, texels, 0 to 31, default 2. Cost: 2 (2 `radius` + 1) multiply-adds a texel of the map and
+    /// nothing a sample; a sample moves towards the light by up to `radius` + 1 texels of its slope.
+    pub radius: u32,
+}
+
+impl Default for Prefilter {
+    fn default() -> Self {
+        Self { shape: Shape::Gaussian, radius: 2 }
+    }
+}
+
+impl Prefilter {
+    /// Weights of the texels from -radius to radius; their sum is 1.
+    #[must_use]
+    pub fn weights(&self) -> Vec<f64> {
+        let radius = i64::from(self.radius.min(MAX_BLUR_RADIUS));
+        let deviation = 0.5 * (radius as f64 + 0.5);
+        let weight = |d: i64| match self.shape {
+            Shape::Box => 1.0,
+            Shape::Gaussian => (-0.5 * (d as f64 / deviation).powi(2)).exp(),
+        };
+        let sum: f64 = (-radius..=radius).map(weight).sum();
+        (-radius..=radius).map(|d| weight(d) / sum).collect()
+    }
+
+    /// Weight of texel `i` of the 2 `radius` + 2 an axis that a lookup reaches, interpolation included;
+    /// conventions of [`crate::kernel`], with the offset `radius` + 1/2.
+    #[must_use]
+    pub fn lookup_weight(&self, i: u32, fraction: f64) -> f64 {
+        let weights = self.weights();
+        let at =
+            |k: i64| usize::try_from(k).ok().and_then(|k| weights.get(k)).copied().unwrap_or(0.0);
+        let i = i64::from(i);
+        (1.0 - fraction) * at(i) + fraction * at(i - 1)
+    }
+
+    /// Largest distance from the sample to the centre of a texel of the lookup, texels.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        f64::from(self.radius) + 1.0
+    }
+
+    /// Largest root mean square of the distances per axis of the lookup's texels from the sample, texels:
+    /// interpolation at the fraction a adds a (1 - a) to the filter's square.
+    #[must_use]
+    pub fn spread(&self) -> f64 {
+        let radius = f64::from(self.radius);
+        let weights = self.weights();
+        let squares = weights.iter().enumerate().map(|(i, w)| w * (i as f64 - radius).powi(2));
+        (squares.sum::<f64>() + 0.25).sqrt()
+    }
+
+    /// Bound on the rounding of a looked-up value relative to the largest in the kernel: of the blur, and 3
+    /// roundings for each of two interpolations.
+    #[must_use]
+    pub fn rounding(&self) -> f64 {
+        blur_rounding(self.radius) + 6.0 * 2f64.powi(-24)
+    }
+
+    /// # Errors
+    /// A radius out of range.
+    pub(crate) fn validate(&self) -> Result<(), GpuError> {
+        if self.radius <= MAX_BLUR_RADIUS {
+            return Ok(());
+        }
+        let (what, fix) = ("filter.radius", "use 0 to 31 texels");
+        Err(GpuError::Invalid { what, value: self.radius.to_string(), fix })
+    }
+}
+
+/// Checks a setting.
+pub(crate) fn check(
+    what: &'static str,
+    value: f32,
+    range: std::ops::RangeInclusive<f32>,
+    fix: &'static str,
+) -> Result<(), GpuError> {
+    // NaN is in no range.
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(GpuError::Invalid { what, value: value.to_string(), fix })
+}
+
+/// How a filtered store is made and read: the shader modules and the constants that both sides share.
+#[derive(Clone, Debug)]
+pub(crate) struct Recipe {
+    pub(crate) filter: Prefilter,
+    /// Module for the slot `texel` of the blur.
+    pub(crate) texel: &'static str,
+    /// Module for the slot `encoding`.
+    pub(crate) encoding: &'static str,
+    pub(crate) mean: &'static str,
+    pub(crate) format: wgpu::TextureFormat,
+    /// Module for the slot `store` of the lookup.
+    pub(crate) store: &'static str,
+    pub(crate) estimator: &'static str,
+    /// Constants of the technique: names and values.
+    pub(crate) constants: Vec<(&'static str, Constant)>,
+    /// What each layer of the map becomes: one layer for each of these parameters.
+    pub(crate) slices: Vec<[f32; 4]>,
+}
+
+/// A constant of a shader.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Constant {
+    Float(f64),
+    Bool(bool),
+}
+
+impl Recipe {
+    pub(crate) fn new(
+        filter: Prefilter,
+        encoding: &'static str,
+        format: wgpu::TextureFormat,
+        estimator: &'static str,
+        constants: Vec<(&'static str, Constant)>,
+    ) -> Self {
+        Self {
+            filter,
+            texel: "filter::from_depth",
+            encoding,
+            mean: "gpu::mean::arithmetic",
+            format,
+            store: "filter::texels",
+            estimator,
+            constants,
+            slices: vec![[0.0; 4]],
+        }
+    }
+
+    fn config(&self) -> Slot {
+        let common = [
+            ("RADIUS", Constant::Float(self.filter.reach())),
+            ("SPREAD", Constant::Float(self.filter.spread())),
+        ];
+        let line = |(name, value): &(&str, Constant)| match value {
+            Constant::Float(value) => format!("const {name}: f32 = {:?};\n", *value as f32),
+            Constant::Bool(value) => format!("const {name}: bool = {value};\n"),
+        };
+        let text: String = common.iter().chain(&self.constants).map(line).collect();
+        source("config", text)
+    }
+
+    pub(crate) fn estimator(&self) -> Estimator {
+        let unsigned = self.format == wgpu::TextureFormat::Rg32Uint;
+        Estimator {
+            slots: vec![
+                module("store", self.store),
+                module("estimator", self.estimator),
+                self.config(),
+            ],
+            read: if unsigned { MapRead::Unsigned } else { MapRead::Texels },
+            radius: self.filter.reach() as f32,
+            // References of a filtered store have their own slack (`filter/receiver.wesl`).
+            reach: 0.0,
+            fetches: 4,
+        }
+    }
+
+    pub(crate) fn technique(&self, gpu: &Gpu, map: &MapConfig) -> Result<MapTechnique, GpuError> {
+        MapTechnique::with_store(gpu, map, self.estimator(), self.store(gpu)?)
+    }
+
+    fn store(&self, gpu: &Gpu) -> Result<Box<dyn Store>, GpuError> {
+        let shader = BlurShader {
+            texel: self.texel,
+            mean: self.mean,
+            slots: vec![module("encoding", self.encoding), self.config()],
+            format: self.format,
+        };
+        let blur = Blur::new(gpu, &shader, &self.filter.weights())?;
+        Ok(Box::new(Filtered { blur, slices: self.slices.clone(), jobs: Vec::new() }))
+    }
+}
+
+/// Encoded depth, filtered.
+#[derive(Debug)]
+struct Filtered {
+    blur: Blur,
+    slices: Vec<[f32; 4]>,
+    jobs: Vec<BlurJob>,
+}
+
+impl Store for Filtered {
+    fn prepare(&mut self, gpu: &Gpu, _frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
+        self.jobs.clear();
+        let Some(view) = map.view() else { return Ok(()) };
+        for (layer, linear) in map.linear_depths().iter().enumerate() {
+            let linear = linear.coefficients.map(|c| c as f32);
+            let job = |slice| BlurJob { source: layer as u32, parameters: [linear, slice] };
+            self.jobs.extend(self.slices.iter().copied().map(job));
+        }
+        self.blur.prepare(gpu, view, map.size(), &self.jobs)
+    }
+
+    fn encode(
+        &mut self,
+        _gpu: &Gpu,
+        _frame: &Frame<'_>,
+        _map: &ShadowMap,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<(), GpuError> {
+        if !self.jobs.is_empty() {
+            self.blur.encode(recorder, "filter/blur");
+        }
+        Ok(())
+    }
+
+    fn view(&self) -> Option<&wgpu::TextureView> {
+        self.blur.view()
+    }
+
+    fn counters(&self) -> Counters {
+        let texels = if self.jobs.is_empty() { 0 } else { self.blur.texels() };
+        Counters::from([("store_layers", self.jobs.len() as u64), ("store_texels", texels)])
+    }
+
+    fn bytes(&self) -> u64 {
+        self.blur.bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Separable;
+
+    fn filters() -> impl Iterator<Item = Prefilter> {
+        let shapes = [Shape::Box, Shape::Gaussian];
+        shapes
+            .into_iter()
+            .flat_map(|shape| [0, 1, 2, 7, 31].map(|radius| Prefilter { shape, radius }))
+    }
+
+    #[test]
+    fn weights_of_a_lookup_add_to_one_and_lie_within_the_reach_and_spread() {
+        for filter in filters() {
+            for step in 0..100 {
+                let fraction = f64::from(step) / 100.0;
+                let texels = 2 * filter.radius + 2;
+                let weight = |i| filter.lookup_weight(i, fraction);
+                let sum: f64 = (0..texels).map(weight).sum();
+                assert!((sum - 1.0).abs() < 1e-12, "{filter:?} at {fraction}: {sum}");
+                // Texel i has its centre i - radius - fraction from the sample.
+                let offset = |i: u32| f64::from(i) - f64::from(filter.radius) - fraction;
+                let reach = (0..texels).filter(|i| weight(*i) > 0.0).map(|i| offset(i).abs());
+                assert!(reach.fold(0.0, f64::max) <= filter.reach(), "{filter:?} at {fraction}");
+                let square: f64 = (0..texels).map(|i| weight(i) * offset(i).powi(2)).sum();
+                let spread = square.sqrt();
+                assert!(spread <= filter.spread() + 1e-12, "{filter:?} at {fraction}: {spread}");
+                let mean: f64 = (0..texels).map(|i| weight(i) * offset(i)).sum();
+                assert!(mean.abs() < 1e-12, "{filter:?} at {fraction}: off centre by {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_interpolated_box_is_the_grid_of_bilinear_taps() {
+        for radius in [0, 1, 3] {
+            let filter = Prefilter { shape: Shape::Box, radius };
+            let grid = Separable::Tent { side: 2 * radius + 1 };
+            for step in 0..50 {
+                let fraction = f64::from(step) / 50.0;
+                for i in 0..grid.texels() {
+                    let (a, b) = (filter.lookup_weight(i, fraction), grid.weight(i, fraction));
+                    assert!((a - b).abs() < 1e-14, "radius {radius}, texel {i}: {a}, not {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_radius_out_of_range_is_refused() {
+        let filter = Prefilter { radius: 32, ..Prefilter::default() };
+        assert!(filter.validate().is_err(), "32 texels");
+        assert!(Prefilter { radius: 31, ..filter }.validate().is_ok(), "31 texels");
+    }
+}

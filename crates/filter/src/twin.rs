@@ -1,0 +1,172 @@
+//! The bounds of `shaders/filter` in f64: their truth in tests.
+//!
+//! A *window* is what a kernel sees: depths with weights that add to 1. Depths grow away from the light, in
+//! [0, 1]; visibility is the weight of those at the receiver's depth or beyond. Every bound takes filtered
+//! numbers, so that filtering first and last can be compared.
+
+/// A depth and its weight.
+pub type Window<'a> = &'a [(f64, f64)];
+
+/// Weighted mean of `f` over a window.
+#[must_use]
+pub fn mean(window: Window<'_>, f: impl Fn(f64) -> f64) -> f64 {
+    window.iter().map(|(z, weight)| weight * f(*z)).sum()
+}
+
+/// Percentage-closer filtering (Reeves, Salesin, Cook 1987): what all the others bound.
+#[must_use]
+pub fn pcf(window: Window<'_>, z: f64) -> f64 {
+    mean(window, |depth| if depth >= z { 1.0 } else { 0.0 })
+}
+
+/// `chebyshev` of `filter/chebyshev.wesl`.
+#[must_use]
+pub fn chebyshev(mean: f64, square: f64, least: f64, z: f64) -> f64 {
+    if z <= mean {
+        return 1.0;
+    }
+    let variance = (square - mean * mean).max(least);
+    variance / (variance + (z - mean).powi(2))
+}
+
+/// `cut_tail` of `filter/chebyshev.wesl`.
+#[must_use]
+pub fn cut_tail(visibility: f64, cut: f64) -> f64 {
+    ((visibility - cut) / (1.0 - cut)).clamp(0.0, 1.0)
+}
+
+/// Variance shadow map with the least `deviation`, `filter/vsm.wesl`.
+#[must_use]
+pub fn vsm(window: Window<'_>, deviation: f64, z: f64) -> f64 {
+    let (m1, m2) = (mean(window, |d| d - 0.5), mean(window, |d| (d - 0.5).powi(2)));
+    chebyshev(m1, m2, deviation.powi(2), z - 0.5)
+}
+
+/// `layer_depth` of `filter/encoding/layered.wesl`.
+#[must_use]
+pub fn layer_depth(z: f64, [start, inverse]: [f64; 2]) -> f64 {
+    ((z - start) * inverse).clamp(0.0, 1.0)
+}
+
+/// One slice of a layered variance shadow map, `filter/lvsm.wesl`; `z` lies in the slice.
+#[must_use]
+pub fn layer(window: Window<'_>, slice: [f64; 2], deviation: f64, z: f64) -> f64 {
+    let warped: Vec<(f64, f64)> =
+        window.iter().map(|(d, w)| (layer_depth(*d, slice), *w)).collect();
+    vsm(&warped, deviation, layer_depth(z, slice))
+}
+
+/// Exponential shadow map of `sharpness` c, `filter/esm.wesl`, filtered in the logarithm.
+#[must_use]
+pub fn esm(window: Window<'_>, sharpness: f64, z: f64) -> f64 {
+    (sharpness * (log_mean(window, sharpness) - z)).min(0.0).exp()
+}
+
+/// ln(E[exp(c z)]) / c, `gpu/mean/exponential.wesl`.
+#[must_use]
+pub fn log_mean(window: Window<'_>, c: f64) -> f64 {
+    let largest = window.iter().map(|(z, _)| *z).fold(0.0, f64::max);
+    largest + mean(window, |z| (c * (z - largest)).exp()).ln() / c
+}
+
+/// The bound of the first warp, exp(c x) with x = 2 z - 1, `filter/evsm.wesl`.
+#[must_use]
+pub fn positive_warp(window: Window<'_>, c: f64, deviation: f64, z: f64) -> f64 {
+    let warp = |z: f64| (c * (2.0 * z - 1.0)).exp();
+    warped(window, warp, c, deviation, z)
+}
+
+/// The bound of the second warp, -exp(-c x).
+#[must_use]
+pub fn negative_warp(window: Window<'_>, c: f64, deviation: f64, z: f64) -> f64 {
+    let warp = |z: f64| -(-c * (2.0 * z - 1.0)).exp();
+    warped(window, warp, c, deviation, z)
+}
+
+fn warped(window: Window<'_>, warp: impl Fn(f64) -> f64, c: f64, deviation: f64, z: f64) -> f64 {
+    let w = warp(z);
+    let least = (2.0 * c * deviation * w).powi(2);
+    chebyshev(mean(window, &warp), mean(window, |z| warp(z).powi(2)), least, w)
+}
+
+/// Moments of signed depth 2 z - 1, `filter/encoding/moments.wesl`.
+#[must_use]
+pub fn moments(window: Window<'_>) -> [f64; 4] {
+    [1, 2, 3, 4].map(|power| mean(window, |z| (2.0 * z - 1.0).powi(power)))
+}
+
+/// Moments with the share `bias` replaced by those of (0, target, 0, target), `filter/msm.wesl`.
+#[must_use]
+pub fn biased(b: [f64; 4], bias: f64, target: f64) -> [f64; 4] {
+    let towards = [0.0, target, 0.0, target];
+    [0, 1, 2, 3].map(|i| (1.0 - bias) * b[i] + bias * towards[i])
+}
+
+/// `hamburger` of `filter/moment_bounds.wesl`: the least share nearer than signed depth `zf`.
+#[must_use]
+pub fn hamburger(b: [f64; 4], zf: f64) -> f64 {
+    match other_nodes(b, zf) {
+        None => two_moments(b, zf),
+        Some(roots) => three_nodes(b, zf, roots),
+    }
+}
+
+const SMALLEST: f64 = 1e-30;
+
+fn other_nodes([b1, b2, b3, b4]: [f64; 4], zf: f64) -> Option<[f64; 2]> {
+    let d2 = (b2 - b1 * b1).max(SMALLEST);
+    let l32d2 = b3 - b1 * b2;
+    let d3d2 = ((b4 - b2 * b2) * d2 - l32d2 * l32d2).max(SMALLEST);
+    let l32 = l32d2 / d2;
+    let mut c1 = zf - b1;
+    let c2 = (zf * zf - b2 - l32 * c1) * d2 / d3d2;
+    c1 = c1 / d2 - l32 * c2;
+    let c0 = 1.0 - c1 * b1 - c2 * b2;
+    if c2.abs() * 1e9 <= c1.abs() + c0.abs() {
+        return None;
+    }
+    let (p, q) = (c1 / c2, c0 / c2);
+    let r = (0.25 * p * p - q).max(0.0).sqrt();
+    Some([-0.5 * p - r, -0.5 * p + r])
+}
+
+fn three_nodes([b1, b2, ..]: [f64; 4], zf: f64, [z2, z3]: [f64; 2]) -> f64 {
+    if zf <= z2 {
+        0.0
+    } else if zf <= z3 {
+        (zf * z3 - b1 * (zf + z3) + b2) / ((z3 - z2) * (zf - z2))
+    } else {
+        1.0 - (z2 * z3 - b1 * (z2 + z3) + b2) / ((zf - z2) * (zf - z3))
+    }
+}
+
+fn two_moments(b: [f64; 4], zf: f64) -> f64 {
+    1.0 - chebyshev(b[0], b[1], 0.0, zf)
+}
+
+/// Moment shadow map, `filter/msm.wesl`.
+#[must_use]
+pub fn msm(window: Window<'_>, bias: f64, target: f64, z: f64) -> f64 {
+    let hidden = hamburger(biased(moments(window), bias, target), 2.0 * z - 1.0);
+    1.0 - ((hidden - bias) / (1.0 - bias)).clamp(0.0, 1.0)
+}
+
+/// The affine map of moments of signed depth to [0, 1]^4, `filter/encoding/moments_16.wesl` (Peters et al.
+/// 2017).
+#[must_use]
+pub fn encode_16([m1, m2, m3, m4]: [f64; 4]) -> [f64; 4] {
+    let root = 3f64.sqrt();
+    [
+        1.5 * m1 - 2.0 * m3 + 0.5,
+        4.0 * (m2 - m4),
+        0.5 * root * m1 - 2.0 / 9.0 * root * m3 + 0.5,
+        0.5 * (m2 + m4),
+    ]
+}
+
+/// The inverse of [`encode_16`].
+#[must_use]
+pub fn decode_16([q1, q2, q3, q4]: [f64; 4]) -> [f64; 4] {
+    let (a, d, root) = (q1 - 0.5, q3 - 0.5, 3f64.sqrt());
+    [-a / 3.0 + root * d, 0.125 * q2 + q4, -0.75 * a + 0.75 * root * d, q4 - 0.125 * q2]
+}
