@@ -47,7 +47,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 18] = [
+    const PASSES: [&str; 19] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -66,6 +66,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::silhouettes",
         "map::peel",
         "map::between",
+        "map::draw_ids",
     ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
@@ -209,6 +210,16 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         "adaptive",
         vec![loaded.clone(), module("estimator", "filter::adaptive"), constants],
     ));
+    let triangles = module("store", "map::triangles");
+    let radius = |n: i32| source("config", format!("const RADIUS: i32 = {n};"));
+    all.push(("object-id", vec![triangles.clone(), module("estimator", "map::object_id")]));
+    for (name, path, n) in [
+        ("polygon-id", "map::polygon_id", 0),
+        ("polygon-id-3", "map::polygon_id", 1),
+        ("triangle-depth", "map::triangle_depth", 1),
+    ] {
+        all.push((name, vec![triangles.clone(), module("estimator", path), radius(n)]));
+    }
     for (name, n) in [("box-2", 2), ("box-3", 3), ("box-7", 7)] {
         let slots = vec![loaded.clone(), separable.clone(), kernel("filter::kernel::box"), side(n)];
         all.push((name, slots));

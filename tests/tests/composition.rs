@@ -54,6 +54,13 @@ fn sound_techniques(size: u32) -> Vec<Config> {
     techniques(size).into_iter().filter(sound).collect()
 }
 
+/// Whether the technique draws a shadow map: then its size can be set.
+fn has_map(config: &Config) -> bool {
+    let mut other = config.clone();
+    other.set_map_size(77);
+    other != *config
+}
+
 /// A sphere and a turned box over a floor: a crease, a contact, a curved and a detached shadow.
 fn scene() -> Scene {
     let mut scene = generate::sphere_over_plane(&Default::default());
@@ -64,11 +71,19 @@ fn scene() -> Scene {
     scene
 }
 
-fn lights(scene: &Scene) -> Vec<Light> {
-    // Placed from a scene without its floor, so that shadows are not all over the picture.
+/// A light of each kind, placed from the scene without its floor, so that shadows are not all over the picture.
+fn every_light(scene: &Scene) -> Vec<Light> {
     let mut casters = scene.clone();
     casters.instances.remove(0);
     LightKind::ALL.into_iter().map(|kind| casters.place_light(kind)).collect()
+}
+
+/// A light for each layout of a map; the other kinds are served as a point light is.
+fn lights(scene: &Scene) -> Vec<Light> {
+    let of_a_kind = |light: &Light| {
+        matches!(light.kind(), LightKind::Directional | LightKind::Spot | LightKind::Sphere)
+    };
+    every_light(scene).into_iter().filter(of_a_kind).collect()
 }
 
 fn stage(gpu: &Gpu, scene: &Scene) -> Stage {
@@ -116,7 +131,7 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
     let (width, height) = (stage.image.width as isize, stage.image.height as isize);
     let samples = stage.view_samples();
     let wrong = scene.place_light(LightKind::Point).translated(DVec3::X);
-    for light in lights(&scene) {
+    for light in every_light(&scene) {
         let kind = light.kind();
         let light_point = hard(&light);
         let truth = stage.truth(&light_point, &TruthOptions::default());
@@ -238,7 +253,9 @@ fn seams_of_the_cube_are_no_worse_than_the_middle_of_its_faces() {
         casters: &meshes,
         origin: meshes.origin(),
     };
-    for config in sound_techniques(1024) {
+    // What `map/triangle-depth` misses, slivers at the poles' limbs, depends on how they are seen.
+    let of_texels = |config: &Config| !matches!(config, Config::TriangleDepth(_));
+    for config in sound_techniques(1024).into_iter().filter(of_texels) {
         let mut technique = config.build(&gpu).expect("a valid config");
         let visibility = run(&gpu, &frame, technique.as_mut());
         let mean = |counts: &dyn Fn(usize, f32) -> bool| {
@@ -287,7 +304,7 @@ fn culling_saves_draws_and_changes_nothing() {
         Light::Spot { position: DVec3::ZERO, direction: DVec3::X, outer_angle: 0.6 },
     ];
     for light in &lights {
-        for config in techniques(512) {
+        for config in techniques(512).into_iter().filter(has_map) {
             let mut shots = Vec::new();
             for cull in [true, false] {
                 stage.meshes.set_culling(cull);
@@ -346,7 +363,7 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
                 casters: &meshes,
                 origin: meshes.origin(),
             };
-            for config in techniques(1024) {
+            for config in techniques(1024).into_iter().filter(has_map) {
                 let mut technique = config.build(&gpu).expect("a valid config");
                 let visibility = run(&gpu, &frame, technique.as_mut());
                 assert!(visibility.iter().all(|v| *v == 1.0), "{config:?}, {kind:?}: not all lit");

@@ -37,6 +37,9 @@ fn scene() -> Scene {
     generate::sphere_over_plane(&Default::default())
 }
 
+/// A light for each layout of a map. The other kinds are served as a point light is.
+const EACH_LAYOUT: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Sphere];
+
 fn stage(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
     Stage::new(gpu, scene, scene.camera_or_framing(), side, side).expect("a stage")
 }
@@ -56,7 +59,7 @@ fn every_technique_runs_on_a_callers_device_with_default_limits_and_no_features(
     let (own, guest) = (gpu(), callers_device());
     let scene = scene();
     let (at_home, abroad) = (stage(&own, &scene, 96), stage(&guest, &scene, 96));
-    for kind in LightKind::ALL {
+    for kind in EACH_LAYOUT {
         let light = scene.place_light(kind);
         for config in catalogue() {
             let mut here = config.build(&own).expect("a valid config");
@@ -69,13 +72,20 @@ fn every_technique_runs_on_a_callers_device_with_default_limits_and_no_features(
     assert_eq!(own.check(), Ok(()), "errors on the own device");
 }
 
+/// Whether the technique draws a shadow map: then its size can be set.
+fn has_map(config: &Config) -> bool {
+    let mut other = config.clone();
+    other.set_map_size(77);
+    other != *config
+}
+
 #[test]
 fn maps_of_one_or_two_texels_give_finite_visibility() {
     let gpu = gpu();
     let scene = scene();
     let stage = stage(&gpu, &scene, 64);
     for size in [1, 2, 3] {
-        for kind in LightKind::ALL {
+        for kind in EACH_LAYOUT {
             let light = scene.place_light(kind);
             for mut config in catalogue() {
                 config.set_map_size(size);
@@ -93,12 +103,7 @@ fn maps_of_one_or_two_texels_give_finite_visibility() {
 fn unusable_settings_are_refused_with_a_fix() {
     let gpu = gpu();
     let limit = gpu.device.limits().max_texture_dimension_2d;
-    for mut config in catalogue() {
-        let usual = config.clone();
-        config.set_map_size(1);
-        if config == usual {
-            continue; // It has no map.
-        }
+    for mut config in catalogue().into_iter().filter(has_map) {
         let mut build = |size| {
             config.set_map_size(size);
             config.build(&gpu).map(|_| ())
@@ -511,9 +516,11 @@ fn acne(
     counts
 }
 
-/// Whether theory promises as much.
+/// Whether theory promises as much, of samples that a depth buffer gives: they do not know their object.
 fn is_free_of_acne(config: &Config) -> bool {
-    config.expectation("lone receivers, directional") == Some(Expectation::Holds { bound: 0.0 })
+    let holds = config.expectation("lone receivers, directional")
+        == Some(Expectation::Holds { bound: 0.0 });
+    holds && !matches!(config, Config::ObjectId(_))
 }
 
 #[test]
@@ -528,9 +535,11 @@ fn lone_receivers_seen_through_a_depth_buffer_have_no_acne() {
             let samples = samples_from_depth(&gpu, &scene, &stage, with_normals);
             for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
                 let light = scene.place_light(kind);
-                for size in [128, 1024] {
-                    for mut config in catalogue().into_iter().filter(is_free_of_acne) {
-                        config.set_map_size(size);
+                {
+                    for mut config in
+                        catalogue().into_iter().filter(has_map).filter(is_free_of_acne)
+                    {
+                        config.set_map_size(512);
                         let mut technique = config.build(&gpu).expect("a valid config");
                         let frame = Frame { samples: &samples, ..stage.frame(&light) };
                         let target = samples.visibility_target(&gpu).expect("a target");

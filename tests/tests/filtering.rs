@@ -281,7 +281,10 @@ fn across(gpu: &Gpu, scene: &Scene, config: &dyn TechniqueConfig) -> Vec<f32> {
 /// Kernels of 17 texels, and no cone: the receiver's own depth.
 fn settings() -> (MapConfig, Prefilter) {
     let bias = Bias { cone: 0.0, ..Bias::default() };
-    (MapConfig { size: 512, bias }, Prefilter { shape: Shape::Box, radius: 8 })
+    (
+        MapConfig { size: 512, bias, ..MapConfig::default() },
+        Prefilter { shape: Shape::Box, radius: 8 },
+    )
 }
 
 #[test]
@@ -376,7 +379,7 @@ fn no_store_is_darker_than_the_same_kernel_of_comparisons() {
     let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 192, 192).expect("a stage");
     // One reference depth for the whole kernel on both sides, moved by the kernel's radius of slope.
     let bias = Bias { receiver_plane: false, cone: 0.0, ..Bias::default() };
-    let map = MapConfig { size: 256, bias };
+    let map = MapConfig { size: 256, bias, ..MapConfig::default() };
     let filter = Prefilter { shape: Shape::Box, radius: 1 };
     // Rounding of a variance, 5e-7 of the range's square, over the least one: 1e-2 squared. For warps, 4e-6 of
     // the warp's square over (80 x 1e-3)^2, and (10 x 1e-2)^2. For moments, the bias.

@@ -24,7 +24,7 @@ fn techniques(gpu: &Gpu) -> Vec<(u32, Box<dyn Technique>)> {
     let map = MapConfig { size: MAP, ..MapConfig::default() };
     let configs: [(u32, &dyn TechniqueConfig); 3] = [
         (1, &Plain { map }),
-        (2, &PcfHardware { map, ..Default::default() }),
+        (2, &PcfHardware { map }),
         (7, &PcfCastano { map, side: 7, ..Default::default() }),
     ];
     configs.map(|(side, config)| (side, config.build(gpu).expect("a valid config"))).into()

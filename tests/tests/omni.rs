@@ -347,14 +347,14 @@ fn charts_agree_with_their_twins_and_planes_with_rays() {
     let frame = Frame { origin: DVec3::ZERO, ..stage.frame(&light) };
     let fitting = Fitting { origin: DVec3::ZERO, size: SIZE, guard: 3 };
     // No slack: what is compared is the plane itself.
-    let bias = Bias { slope: 0.0, cone: 0.0, constant: 0.0, receiver_plane: true };
+    let bias = Bias { slope: 0.0, cone: 0.0, constant: 0.0, ..Bias::default() };
     let (mut texels, mut depths, mut gradients, mut control) = (0f64, 0f64, 0f64, 0);
     for omni in [Omni::Isocube, Omni::DualParaboloid] {
         let layout = omni.layout(&light);
-        let views = omni.fit(&frame, &hull, &fitting).expect("a valid light");
+        let views = omni.fit(&frame, &hull, None, &fitting).expect("a valid light");
         assert_eq!(views.len(), layout.views, "as many views as the layout says");
         for (k, fitted) in views.iter().enumerate() {
-            let clip = fitted.clip.expect("casters on all sides").as_mat4();
+            let clip = fitted.view.clip.expect("casters on all sides").as_mat4();
             let chart: &dyn Chart = match (omni, k) {
                 (Omni::Isocube, 2 | 3) => &Isocube::Cap,
                 (Omni::Isocube, _) => &Isocube::Belt,
@@ -398,7 +398,7 @@ fn charts_agree_with_their_twins_and_planes_with_rays() {
                 texels = texels.max((DVec2::new(s, t) - texel).abs().max_element());
                 let here = near / v.length();
                 depths = depths.max((z - here).abs() / here);
-                let at = |d: DVec2| depth(chart.from_chart(from_texel(texel + d)));
+                let at = |d: DVec2| depth(chart.direction_at(from_texel(texel + d)));
                 let exact = at(DVec2::new(2.0, -1.0));
                 depths = depths.max((there - exact).abs() / here);
                 control += usize::from((exact - here).abs() > 1e-4 * here);

@@ -1,7 +1,7 @@
 //! Depth peeling against ray casting: every surface behind a texel, once, in order.
 
 use antumbra_gpu::{Casters, Drawn, Frame, Gpu, GpuError, LightView, Recorder, read_f32_texture};
-use antumbra_map::{CasterDepth, DepthPeel, Faces, PolygonOffset, ShadowMap};
+use antumbra_map::{CasterDepth, DepthPeel, Faces, Omni, PolygonOffset, ShadowMap};
 use antumbra_measure::Stage;
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Light, Scene};
@@ -17,7 +17,7 @@ struct Peeled {
 }
 
 fn peel(gpu: &Gpu, frame: &Frame<'_>, deeper: u32) -> Result<Peeled, GpuError> {
-    let mut map = ShadowMap::new(gpu, SIZE, 2)?;
+    let mut map = ShadowMap::new(gpu, SIZE, 2, Box::new(Omni::Cube))?;
     let depth = CasterDepth::new(gpu, Faces::Both, PolygonOffset::default())?;
     let mut peel = DepthPeel::new(gpu, deeper)?;
     map.prepare(gpu, frame)?;

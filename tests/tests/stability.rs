@@ -53,7 +53,7 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
     let mut surprises = Vec::new();
     for case in CASES.iter().filter(|case| keep(case.name)) {
         for config in techniques(size).into_iter().filter(which) {
-            let expected = config.expectation(case.name).expect("an expectation for every case");
+            let Some(expected) = config.expectation(case.name) else { continue };
             let measured = try_measure(&gpu, case, &config, size);
             let met = match (&measured, expected) {
                 (Err(_), Expectation::Refuses { .. }) => true,
@@ -69,14 +69,40 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
     assert!(surprises.is_empty(), "not as expected:\n{}", surprises.join("\n"));
 }
 
+/// Techniques of which something is said on some cases only, as yet: all that do not compare depths.
+fn is_judged_in_part(config: &Config) -> bool {
+    config.id() != "map/plain" && !config.id().starts_with("filter/pcf")
+}
+
+#[test]
+fn of_depth_maps_something_is_said_on_every_case() {
+    let silent = |config: &Config| -> Vec<&str> {
+        let unsaid = CASES.iter().filter(|case| config.expectation(case.name).is_none());
+        unsaid.map(|case| case.name).collect()
+    };
+    let all: Vec<String> = techniques(1024)
+        .iter()
+        .filter(|config| !is_judged_in_part(config))
+        .map(|config| (config, silent(config)))
+        .filter(|(_, cases)| !cases.is_empty())
+        .map(|(config, cases)| format!("{config:?}: {cases:?}"))
+        .collect();
+    assert!(all.is_empty(), "nothing said of\n{}", all.join("\n"));
+}
+
 #[test]
 fn all_is_as_expected_on_small_maps() {
     check(128, |_| true, |_| true);
 }
 
+/// On maps of the usual size: what reads depth alone. `cargo xtask bench --suite stability` runs all.
 #[test]
-fn all_is_as_expected_on_middling_maps() {
-    check(1024, |_| true, |_| true);
+fn depth_maps_are_as_expected_on_middling_maps() {
+    check(
+        1024,
+        |_| true,
+        |config| config.id() == "map/plain" || config.id().starts_with("filter/pcf"),
+    );
 }
 
 #[test]
@@ -187,7 +213,12 @@ fn shadows_in_the_wrong_place_fail() {
     let map = MapConfig { size: 1024, ..MapConfig::default() };
     let plain = MapTechnique::plain(&gpu, &map).expect("a valid config");
     let mut technique = Astray { map: plain, lead: aside };
-    assert_fails(&gpu, &mut technique, map, &["HC-01", "HC-02", "HC-23", "HC-25", "HC-40"]);
+    assert_fails(
+        &gpu,
+        &mut technique,
+        map,
+        &["HC-01", "HC-02", "HC-23 light at the eye", "HC-25", "HC-40"],
+    );
 }
 
 #[test]
@@ -253,14 +284,16 @@ fn shadows_that_move_under_a_creeping_camera_fail() {
 fn to_cure_a_known_limit_is_as_unexpected_as_to_fall_short_of_it() {
     let limits = CASES.iter().flat_map(|case| {
         let all = techniques(1024).into_iter();
-        all.map(|config| config.expectation(case.name).expect("an expectation for every case"))
+        all.filter_map(|config| config.expectation(case.name))
     });
     let mut count = 0;
     for limit in limits {
         if let Expectation::KnownLimit { at_least, at_most, .. } = limit {
             count += 1;
             assert!(!limit.is_met_by(0.0), "a success passed as {limit:?}");
-            assert!(!limit.is_met_by(1.0), "the worst of failures passed as {limit:?}");
+            let worse = 1.01 * at_most;
+            let finite = worse.is_finite();
+            assert!(!finite || !limit.is_met_by(worse), "a worse failure passed as {limit:?}");
             assert!(at_least <= at_most, "no number can meet {limit:?}");
         }
     }

@@ -257,6 +257,8 @@ pub(crate) enum Expected {
     KnownLimit,
     /// It answers with an error.
     Refuses,
+    /// Nobody has said yet; whatever is measured passes.
+    Unsaid,
 }
 
 /// Error and time of one technique against one parameter.

@@ -174,7 +174,10 @@ mod tests {
         assert!(failure.is_some(), "the failure is handed on");
         let text = summary(&Step::ALL, &done, true);
         let outcomes: Vec<&str> = text.lines().skip(1).map(|l| &l[..6]).collect();
-        assert_eq!(outcomes, ["ok    ", "FAILED", "not ru", "not ru", "not ru"], "{text}");
+        let (ran, rest) = outcomes.split_at(2);
+        assert_eq!(ran, ["ok    ", "FAILED"], "{text}");
+        assert_eq!(rest.len(), Step::ALL.len() - 2, "{text}");
+        assert!(rest.iter().all(|outcome| *outcome == "not ru"), "{text}");
     }
 
     #[test]
@@ -182,6 +185,6 @@ mod tests {
         let (done, failure) = run_steps(&Step::ALL, |_| Ok(()));
         assert!(failure.is_none(), "no failure");
         let text = summary(&Step::ALL, &done, false);
-        assert_eq!(text.matches("ok ").count(), 5, "{text}");
+        assert_eq!(text.matches("ok ").count(), Step::ALL.len(), "{text}");
     }
 }

@@ -111,6 +111,12 @@ techniques! {
     Midpoint(antumbra_map::Midpoint) = "map/midpoint",
     /// The midpoint, with a limit.
     DualLayers(antumbra_map::DualLayers) = "map/dual-layers",
+    /// The receiver's own triangle in the texel.
+    PolygonId(antumbra_map::PolygonId) = "map/polygon-id",
+    /// The receiver's own object in the texel.
+    ObjectId(antumbra_map::ObjectId) = "map/object-id",
+    /// The texel's triangle itself.
+    TriangleDepth(antumbra_map::TriangleDepth) = "map/triangle-depth",
     /// The hardware's polygon offset.
     SlopeBias(antumbra_map::SlopeBias) = "map/slope-bias",
     /// The receiver moved along its normal.
@@ -157,6 +163,24 @@ techniques! {
     #[cfg(feature = "filter")]
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
+    #[cfg(feature = "volume")]
+    /// Each triangle's shadow volume asked whether it contains the sample.
+    VolumeTriangle(antumbra_volume::Triangle) = "volume/triangle",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes counted behind the sample.
+    VolumeZFail(antumbra_volume::ZFail) = "volume/z-fail",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes counted in front of the sample.
+    VolumeZPass(antumbra_volume::ZPass) = "volume/z-pass",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes counted in front of the sample from the eye's own count.
+    VolumeCounter(antumbra_volume::EyeCounter) = "volume/counter",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes counted in front of the sample from the near plane's counts.
+    VolumeZpPlus(antumbra_volume::ZpPlus) = "volume/zp-plus",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes counted in front of the sample or behind it, whichever is safe.
+    VolumeAuto(antumbra_volume::Auto) = "volume/auto",
 }
 
 impl Config {

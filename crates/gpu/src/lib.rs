@@ -36,7 +36,7 @@ pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSam
 pub use scan::Scan;
 pub use technique::{
     CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique,
-    TechniqueConfig, ViewCamera, light_view_layout,
+    TechniqueConfig, ViewCamera, check_light, light_view_layout,
 };
 
 pub use wgpu;

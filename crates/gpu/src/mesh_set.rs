@@ -55,9 +55,9 @@ struct Cluster {
     bounds: Bounds,
 }
 
-/// Most triangles of a cluster: what meshlets have (Kubisch, "Introduction to Turing Mesh Shaders", 2018, advises
-/// up to 126), in the next lower power of two.
-const CLUSTER: usize = 64;
+/// Most triangles of a cluster. Smaller ones cull more and cost more boxes to test: a mesh of 200,000 triangles has
+/// some 8000 of them.
+const CLUSTER: usize = 32;
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -158,6 +158,13 @@ impl MeshSet {
     /// what is out of sight included. Culling only changes how much a texel covers. For proving it.
     pub fn set_culling(&mut self, cull: bool) {
         self.cull = cull;
+    }
+
+    /// Positions relative to [`MeshSet::origin`], and triangles in the order in which the GPU holds them: that of
+    /// their clusters, instance by instance.
+    #[must_use]
+    pub fn geometry(&self) -> (&[Vec3], &[[u32; 3]]) {
+        (&self.geometry.0, &self.geometry.1)
     }
 
     /// World position of the zero of the uploaded positions, metres.

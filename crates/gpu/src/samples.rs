@@ -104,18 +104,37 @@ impl ViewSamples {
     /// # Errors
     /// Lists that do not have one entry a pixel.
     pub fn write(&self, gpu: &Gpu, positions: &[Vec3], normals: &[Vec3]) -> Result<(), GpuError> {
+        self.write_with_objects(gpu, positions, normals, &vec![None; positions.len()])
+    }
+
+    /// As [`ViewSamples::write`], with the number of each sample's object where it is known.
+    ///
+    /// # Errors
+    /// Lists that do not have one entry a pixel.
+    pub fn write_with_objects(
+        &self,
+        gpu: &Gpu,
+        positions: &[Vec3],
+        normals: &[Vec3],
+        objects: &[Option<u32>],
+    ) -> Result<(), GpuError> {
         let (width, height) = self.size();
         let count = width as usize * height as usize;
-        if positions.len() != count || normals.len() != count {
+        if positions.len() != count || normals.len() != count || objects.len() != count {
             return Err(GpuError::Invalid {
                 what: "number of view samples",
                 value: format!("{} positions, {} normals", positions.len(), normals.len()),
                 fix: "give one position and one normal a pixel",
             });
         }
-        let there = |n: &Vec3| if *n == Vec3::ZERO { 0.0 } else { 1.0 };
+        let there = |n: &Vec3, object: &Option<u32>| match object {
+            _ if *n == Vec3::ZERO => 0.0,
+            None => 1.0,
+            Some(object) => 2.0 + *object as f32,
+        };
+        let samples = positions.iter().zip(normals).zip(objects);
         let p: Vec<f32> =
-            positions.iter().zip(normals).flat_map(|(p, n)| [p.x, p.y, p.z, there(n)]).collect();
+            samples.flat_map(|((p, n), object)| [p.x, p.y, p.z, there(n, object)]).collect();
         let n: Vec<f32> = normals.iter().flat_map(|n| [n.x, n.y, n.z, 0.0]).collect();
         for (texture, data) in [(&self.positions, p), (&self.normals, n)] {
             gpu.queue.write_texture(

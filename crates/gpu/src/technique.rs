@@ -37,6 +37,33 @@ pub struct ViewCamera {
     pub eye: DVec3,
 }
 
+/// Checks that a light is one.
+///
+/// # Errors
+/// A direction or position that is not finite, a zero direction, or a cone that is not within (0, 90) degrees.
+pub fn check_light(light: &Light) -> Result<(), GpuError> {
+    let invalid = |what, value: String, fix| Err(GpuError::Invalid { what, value, fix });
+    if let Light::Directional { direction, .. } | Light::Spot { direction, .. } = *light
+        && !(direction.is_finite() && direction.length_squared() > 0.0)
+    {
+        let fix = "give a finite direction that is not zero";
+        return invalid("direction of the light", direction.to_string(), fix);
+    }
+    if let Some(position) = light.position()
+        && !position.is_finite()
+    {
+        let fix = "give a finite position";
+        return invalid("position of the light", position.to_string(), fix);
+    }
+    if let Light::Spot { outer_angle, .. } = *light
+        && !(outer_angle > 0.0 && outer_angle < std::f64::consts::FRAC_PI_2)
+    {
+        let fix = "use a half angle between 0 and 90 degrees, or a point light";
+        return invalid("outer angle of the spot light", outer_angle.to_string(), fix);
+    }
+    Ok(())
+}
+
 /// A shadow technique: from a frame to visibility.
 pub trait Technique {
     /// Fits, allocates and uploads for `frame`. Allocates nothing when sizes are those of the last

@@ -8,7 +8,7 @@
 //! A window that follows the camera moves in whole texels of a size in coarse steps, so that shadow edges stand
 //! still while the camera moves (Valient, "Stable Rendering of Cascaded Shadow Maps", 2008).
 
-use antumbra_gpu::GpuError;
+use antumbra_gpu::{GpuError, check_light};
 use antumbra_scene::{Bounds, Light};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
@@ -117,7 +117,7 @@ pub fn fit_seen(
     sight: Option<&Sight<'_>>,
     fitting: &Fitting,
 ) -> Result<Vec<SeenView>, GpuError> {
-    validate(light)?;
+    check_light(light)?;
     let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
     // On a map that the kernel fills, every caster counts.
     let sight = sight.filter(|_| fitting.usable() >= 1.0);
@@ -160,31 +160,6 @@ pub(crate) fn fit_perspective(
     let sight = sight.filter(|_| fitting.usable() >= 1.0);
     let stand = Stand { light, basis, points: &points, sight, fitting };
     SeenView::new(eye.extend(1.0), stand.perspective(eye, tan_limit))
-}
-
-/// # Errors
-/// A light with non-finite numbers, a zero direction, or a cone that is not within (0, 90) degrees.
-pub(crate) fn validate(light: &Light) -> Result<(), GpuError> {
-    let invalid = |what, value: String, fix| Err(GpuError::Invalid { what, value, fix });
-    if let Light::Directional { direction, .. } | Light::Spot { direction, .. } = *light
-        && !(direction.is_finite() && direction.length_squared() > 0.0)
-    {
-        let fix = "give a finite direction that is not zero";
-        return invalid("direction of the light", direction.to_string(), fix);
-    }
-    if let Some(position) = light.position()
-        && !position.is_finite()
-    {
-        let fix = "give a finite position";
-        return invalid("position of the light", position.to_string(), fix);
-    }
-    if let Light::Spot { outer_angle, .. } = *light
-        && !(outer_angle > 0.0 && outer_angle < std::f64::consts::FRAC_PI_2)
-    {
-        let fix = "use a half angle between 0 and 90 degrees, or a point light";
-        return invalid("outer angle of the spot light", outer_angle.to_string(), fix);
-    }
-    Ok(())
 }
 
 /// Rows of a right-handed light basis: right, up, and `back`, the unit vector towards the light.
@@ -603,7 +578,7 @@ mod tests {
                 // A point of a caster between a corner of the region and the light, in the view that looks there.
                 let receivers: Vec<DVec3> = region.corners().collect();
                 for (i, p) in receivers.iter().enumerate() {
-                    let towards = light.towards(*p, glam::DVec2::splat(0.5));
+                    let towards = light.towards(*p, DVec2::splat(0.5));
                     let reach = if light.position().is_some() { 1.0 } else { 60.0 };
                     for step in 0..50 {
                         let q = *p + towards * (reach * (f64::from(step) + 0.5) / 50.0);

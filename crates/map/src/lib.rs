@@ -29,6 +29,8 @@ mod self_shadowing;
 mod shadow_map;
 mod store;
 mod technique;
+mod triangle_map;
+mod triangles;
 pub mod twin;
 mod view;
 mod visible;
@@ -52,5 +54,7 @@ pub use self_shadowing::{
 pub use shadow_map::ShadowMap;
 pub use store::Store;
 pub use technique::{MapConfig, MapTechnique, Plain};
+pub use triangle_map::TriangleMap;
+pub use triangles::{ObjectId, PolygonId, TriangleDepth};
 pub use view::{DepthConvention, ShadowView};
 pub use visible::VisibleRegion;

@@ -1,12 +1,12 @@
 //! Layouts for lights that shine all around: how the sphere of directions is cut into views.
 
-use antumbra_gpu::{Frame, GpuError};
+use antumbra_gpu::{Frame, GpuError, check_light};
 use antumbra_scene::Light;
 use antumbra_shaders::module;
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
-use crate::fit::{NEAREST_SHARE, fit_perspective, validate};
+use crate::fit::{NEAREST_SHARE, fit_perspective};
 use crate::{Arrange, Drawing, FittedView, Fitting, Layout, SeenView, Sight, fit_seen};
 
 /// How the directions around a point, sphere, rectangle or disc light are laid out in a map. Directional and spot
@@ -91,7 +91,7 @@ impl Arrange for Omni {
         let Some(center) = light.position().filter(|_| !single && *self != Self::Cube) else {
             return fit_seen(light, hull, sight, fitting);
         };
-        validate(light)?;
+        check_light(light)?;
         let eye = center - fitting.origin;
         // Relative to the light.
         let rays: Vec<DVec3> = hull.iter().map(|p| *p - center).collect();

@@ -18,6 +18,7 @@ pub struct Resolve {
     views_of_layout: usize,
     frame_group: BindGroupCache<[wgpu::TextureView; 3]>,
     map_group: BindGroupCache<wgpu::TextureView>,
+    group: Option<wgpu::BindGroup>,
 }
 
 impl Resolve {
@@ -30,6 +31,21 @@ impl Resolve {
         layout: &Layout,
         estimator: &Estimator,
         convention: DepthConvention,
+    ) -> Result<Self, GpuError> {
+        Self::with_group(gpu, layout, estimator, convention, None)
+    }
+
+    /// As [`Resolve::new`], for an estimator that reads more than its map: what `group` says, in bind group 2
+    /// ([`Resolve::set_group`]).
+    ///
+    /// # Errors
+    /// As [`Resolve::new`].
+    pub fn with_group(
+        gpu: &Gpu,
+        layout: &Layout,
+        estimator: &Estimator,
+        convention: DepthConvention,
+        group: Option<&wgpu::BindGroupLayout>,
     ) -> Result<Self, GpuError> {
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         let device = &gpu.device;
@@ -62,7 +78,8 @@ impl Resolve {
             label: Some("resolve"),
             layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("resolve"),
-                bind_group_layouts: &[Some(&frame_layout), Some(&map_layout)],
+                bind_group_layouts: &[Some(&frame_layout), Some(&map_layout), group]
+                    [..2 + usize::from(group.is_some())],
                 immediate_size: 0,
             })),
             module: &shader,
@@ -92,6 +109,7 @@ impl Resolve {
             views_of_layout: layout.views,
             frame_group: BindGroupCache::default(),
             map_group: BindGroupCache::default(),
+            group: None,
         })
     }
 
@@ -109,6 +127,11 @@ impl Resolve {
         }
         gpu.queue.write_buffer(&self.views, 0, bytemuck::cast_slice(views));
         Ok(())
+    }
+
+    /// Sets what the estimator reads beside its map, from now on.
+    pub fn set_group(&mut self, group: Option<&wgpu::BindGroup>) {
+        self.group = group.cloned();
     }
 
     /// Records the pass: visibility of `samples` through `map` into `visibility` (`R32Float`, storage).
@@ -150,6 +173,9 @@ impl Resolve {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, frame_group, &[]);
         pass.set_bind_group(1, map_group, &[]);
+        if let Some(group) = &self.group {
+            pass.set_bind_group(2, group, &[]);
+        }
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
     }
 }

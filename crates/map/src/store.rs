@@ -33,6 +33,23 @@ pub trait Store: std::fmt::Debug {
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError>;
 
+    /// Whether the store draws the casters itself. Then the map's own depth passes are left out, and its layers
+    /// are the store's to use.
+    fn draws(&self) -> bool {
+        false
+    }
+
+    /// Layout of what the estimator reads beside the map, if anything: bind group 2 of its shader, seen by the
+    /// compute stage. The same at all times.
+    fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {
+        None
+    }
+
+    /// The bind group of that layout for the frame that was last prepared.
+    fn group(&self) -> Option<&wgpu::BindGroup> {
+        None
+    }
+
     /// What the estimator reads, as a `D2Array` view, or `None` before the first map with a caster.
     fn view(&self) -> Option<&wgpu::TextureView>;
 

@@ -168,7 +168,8 @@ impl Technique for MapTechnique {
         let layout = self.map.arrange().layout(frame.light);
         let convention = DepthConvention::REVERSED_F32;
         if self.resolve.as_ref().is_none_or(|(kept, _)| *kept != layout) {
-            let resolve = Resolve::new(gpu, &layout, &self.estimator, convention)?;
+            let group = self.store.as_ref().and_then(|s| s.group_layout());
+            let resolve = Resolve::with_group(gpu, &layout, &self.estimator, convention, group)?;
             self.resolve = Some((layout, resolve));
         }
         let mut layer = 0;
@@ -194,6 +195,9 @@ impl Technique for MapTechnique {
         }
         if let Some(store) = &mut self.store {
             store.prepare(gpu, frame, &self.map)?;
+            if let Some((_, resolve)) = &mut self.resolve {
+                resolve.set_group(store.group());
+            }
         }
         // The pass needs some texture even when no view reads it.
         if self.read().is_none() {
@@ -217,11 +221,14 @@ impl Technique for MapTechnique {
                 fix: "call `prepare` with this frame before `encode`",
             });
         };
-        match &self.drawn_by {
-            Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
-            None => self.map.encode(frame, recorder),
+        self.counters.clear();
+        if !self.store.as_ref().is_some_and(|s| s.draws()) {
+            match &self.drawn_by {
+                Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
+                None => self.map.encode(frame, recorder),
+            }
+            self.counters.extend(self.map.counters());
         }
-        self.counters = self.map.counters().clone();
         if let Some(store) = &mut self.store {
             store.encode(gpu, frame, &self.map, recorder)?;
             self.counters.extend(store.counters());

@@ -17,6 +17,7 @@ mod motion;
 mod seams;
 mod seen;
 mod topology;
+mod viewed;
 
 use antumbra_gpu::{Gpu, Technique};
 use antumbra_scene::{LightKind, generate};
@@ -288,6 +289,78 @@ pub const CASES: &[Case] = &[
         measure: |gpu, technique, size| {
             topology::farthest_wrong(gpu, technique, &generate::t_junction(1e-7), size)
         },
+    },
+    Case {
+        name: "HC-15 eye in shadow",
+        about: "the eye stands in the shadow of a plate 10 m wide and sees its edge on the floor",
+        number: WRONG,
+        measure: viewed::eye_in_shadow,
+    },
+    Case {
+        name: "HC-16 boundary near the eye",
+        about: "the eye stands 1 mm or 5 cm beside a shadow's boundary, which crosses the near plane",
+        number: "largest share of wrong samples of 8 pictures, none of them near a shadow's edge",
+        measure: |gpu, technique, size| viewed::boundary_at_eye(gpu, technique, size, false),
+    },
+    Case {
+        name: "HC-16 boundary through the eye",
+        about: "the same with the eye exactly on the boundary",
+        number: "largest share of wrong samples of 2 pictures, none of them near a shadow's edge",
+        measure: |gpu, technique, size| viewed::boundary_at_eye(gpu, technique, size, true),
+    },
+    Case {
+        name: "HC-17 beyond the far plane",
+        about: "a shadow falls on a wall just before the far plane; what makes it goes on beyond",
+        number: WRONG,
+        measure: viewed::beyond_far_plane,
+    },
+    Case {
+        name: "HC-18 sheets",
+        about: "stacks of 255, 257 and 300 sheets over a floor",
+        number: WRONG,
+        measure: |gpu, technique, size| viewed::sheets(gpu, technique, size, &[255, 257, 300]),
+    },
+    Case {
+        name: "HC-18 256 sheets",
+        about: "a stack of 256 sheets over a floor: one more than a byte can count",
+        number: WRONG,
+        measure: |gpu, technique, size| viewed::sheets(gpu, technique, size, &[256]),
+    },
+    Case {
+        name: "HC-21 light in the plane",
+        about: "a lamp in a triangle's plane, and slivers of 0.1 mm that it sees all but edge-on: no shadow",
+        number: WRONG,
+        measure: |gpu, technique, _| viewed::light_in_plane(gpu, technique),
+    },
+    Case {
+        name: "HC-23 lamp at the eye, in view",
+        about: "a lamp at the eye shows no shadow",
+        number: WRONG,
+        measure: |gpu, technique, size| viewed::light_at_eye(gpu, technique, size, false),
+    },
+    Case {
+        name: "HC-23 light in the near plane",
+        about: "a lamp in the camera's near plane, beside the axis",
+        number: WRONG,
+        measure: |gpu, technique, size| viewed::light_at_eye(gpu, technique, size, true),
+    },
+    Case {
+        name: "HC-24 lamp in a cube, in view",
+        about: "a lamp in a closed cube leaves the world outside dark",
+        number: WRONG,
+        measure: |gpu, technique, _| viewed::light_in_geometry(gpu, technique, true),
+    },
+    Case {
+        name: "HC-24 light at a corner",
+        about: "a lamp at the very corner of a triangle, which has no shadow then",
+        number: WRONG,
+        measure: |gpu, technique, _| viewed::light_in_geometry(gpu, technique, false),
+    },
+    Case {
+        name: "HC-25 caster not seen",
+        about: "the camera looks through a plate that its near plane cuts off: the shadow is there all the same",
+        number: WRONG,
+        measure: viewed::caster_not_seen,
     },
     Case {
         name: "HC-31 wire below a texel",

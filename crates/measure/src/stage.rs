@@ -7,8 +7,8 @@ use antumbra_gpu::{
     ViewSamples, read_f32_texture,
 };
 use antumbra_reference::{Tracer, Truth, TruthOptions, ViewSample};
-use antumbra_scene::{Camera, Light, Scene, Triangles};
-use glam::Vec3;
+use antumbra_scene::{Bounds, Camera, Light, Scene, Triangles};
+use glam::{DVec3, Vec3};
 
 use crate::MeasureError;
 
@@ -156,7 +156,8 @@ impl Stage {
         let pixels = width as usize * height as usize;
         positions.resize(pixels, Vec3::ZERO);
         normals.resize(pixels, Vec3::ZERO);
-        samples.write(gpu, &positions, &normals)?;
+        let objects = objects_at(&triangles, &positions);
+        samples.write_with_objects(gpu, &positions, &normals, &objects)?;
         let image = SampleImage { width, height, positions, normals };
         let camera = camera.map(|camera| meshes.view_camera(camera, (width, height)));
         Ok(Self { triangles, meshes, samples, image, camera, tracer })
@@ -237,6 +238,58 @@ impl Stage {
         let view = target.create_view(&Default::default());
         Ok(Session { stage: self, target, view, timer: Timer::new(gpu, TIMED_PASSES) })
     }
+}
+
+/// The instance on which each point lies, or `None` for a point off all of them.
+fn objects_at(triangles: &Triangles, points: &[Vec3]) -> Vec<Option<u32>> {
+    let corners = |t: &[u32; 3]| t.map(|i| triangles.positions[i as usize].as_dvec3());
+    let boxes: Vec<Bounds> = triangles
+        .instances
+        .iter()
+        .map(|range| Bounds::of(triangles.triangles[range.clone()].iter().flat_map(corners)))
+        .collect();
+    let object = |point: &Vec3| {
+        let p = point.as_dvec3();
+        // Points are rounded to f32: 16 of its steps of the largest coordinate around.
+        let off = |b: &Bounds| 1e-6 * b.min.abs().max(b.max.abs()).max(p.abs()).max_element();
+        let mut around = boxes.iter().enumerate().filter(|(_, b)| {
+            let off = off(b);
+            p.cmpge(b.min - off).all() && p.cmple(b.max + off).all()
+        });
+        match (around.next(), around.next()) {
+            (None, _) => None,
+            (Some((object, _)), None) => Some(object as u32),
+            // The boxes overlap: that of the plane nearest to the point among the triangles that hold it.
+            (Some(first), Some(second)) => {
+                let candidates =
+                    [first, second].into_iter().chain(around).map(|(object, _)| object);
+                let distance = |object: &usize| {
+                    let range = triangles.instances[*object].clone();
+                    triangles.triangles[range]
+                        .iter()
+                        .map(|t| distance(corners(t), p))
+                        .fold(f64::INFINITY, f64::min)
+                };
+                candidates.min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|o| o as u32)
+            }
+        }
+    };
+    points.iter().map(object).collect()
+}
+
+/// Distance of `p` from a triangle.
+fn distance([a, b, c]: [DVec3; 3], p: DVec3) -> f64 {
+    let n = (b - a).cross(c - a);
+    let inner = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(n) >= 0.0;
+    if inner(a, b) && inner(b, c) && inner(c, a) {
+        return (p - a).dot(n.normalize_or_zero()).abs();
+    }
+    let segment = |from: DVec3, to: DVec3| {
+        let side = to - from;
+        let along = (p - from).dot(side) / side.length_squared().max(f64::MIN_POSITIVE);
+        p.distance(from + side * along.clamp(0.0, 1.0))
+    };
+    segment(a, b).min(segment(b, c)).min(segment(c, a))
 }
 
 /// A visibility target and a timer on a stage.

@@ -13,7 +13,7 @@ use crate::triangles::MakeUniform;
 /// Whether any triangle's shadow volume contains the sample (Crow 1977; Fuchs et al. 1985), one plane after the other.
 /// The definition of shadow volumes, and the measure of the techniques that count faces: nothing is drawn, so there is
 /// no camera, and no pixel to which an edge could be snapped. Tiles of 8 x 8 samples go through all triangles
-/// together, so that the cost is their product; for scenes of up to some 10^5 triangles.
+/// together, so that the cost is their product; for scenes of up to some 10^4 triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Triangle {}
@@ -35,6 +35,7 @@ pub struct Containment {
     layout: wgpu::BindGroupLayout,
     uniform: wgpu::Buffer,
     group: BindGroupCache<([wgpu::Buffer; 2], [wgpu::TextureView; 3])>,
+    prepared: bool,
     counters: Counters,
 }
 
@@ -74,7 +75,7 @@ impl Containment {
             mapped_at_creation: false,
         });
         let group = BindGroupCache::default();
-        Ok(Self { pipeline, layout, uniform, group, counters: Counters::new() })
+        Ok(Self { pipeline, layout, uniform, group, prepared: false, counters: Counters::new() })
     }
 }
 
@@ -86,6 +87,7 @@ impl Technique for Containment {
             how: [triangles(frame)?.triangles, 0, 0, 0],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        self.prepared = true;
         Ok(())
     }
 
@@ -97,6 +99,13 @@ impl Technique for Containment {
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
         let triangles = triangles(frame)?;
+        if !self.prepared {
+            return Err(GpuError::Invalid {
+                what: "frame",
+                value: "not prepared".to_owned(),
+                fix: "call `prepare` with this frame before `encode`",
+            });
+        }
         let samples = frame.samples;
         let key = (
             [triangles.positions.clone(), triangles.indices.clone()],

@@ -18,6 +18,7 @@ pub(crate) fn triangle(case: &str) -> Option<Expectation> {
         | "HC-01 B, turned 30 degrees"
         | "HC-02 light amid the caster" => Holds { bound: 0.05 },
         "HC-04 thin wall" | "HC-05 cube" => Holds { bound: 0.05 },
+        _ if is_odd(case).is_some() => Holds { bound: 0.05 },
         _ => return is_seen(case).or_else(|| is_given(case)).map(|_| Holds { bound: 0.0 }),
     })
 }
@@ -39,11 +40,22 @@ fn is_seen(case: &str) -> Option<()> {
             | "HC-18 sheets"
             | "HC-18 256 sheets"
             | "HC-21 light in the plane"
-            | "HC-23 light at the eye"
+            | "HC-23 lamp at the eye, in view"
             | "HC-23 light in the near plane"
-            | "HC-24 light in a cube"
+            | "HC-24 lamp in a cube, in view"
             | "HC-24 light at a corner"
             | "HC-25 caster not seen"
+    )
+    .then_some(())
+}
+
+/// The cases of odd topology, which a camera sees too: how far from the shadow's edge anything is wrong.
+fn is_odd(case: &str) -> Option<()> {
+    matches!(
+        case,
+        "HC-19 three and four triangles on an edge"
+            | "HC-20 winding without a side"
+            | "HC-22 vertex on an edge"
     )
     .then_some(())
 }
@@ -72,6 +84,11 @@ pub(crate) fn z_fail(counter: Counter, case: &str) -> Option<Expectation> {
     if is_given(case).is_some() {
         return Some(Refuses { because: "the case's samples are points that no camera sees" });
     }
+    if is_odd(case).is_some() {
+        // Snapping moves edges by sqrt(2) / 256 pixel. Of 256 pixels over 45 degrees, 12 m off and seen at 15 degrees, one
+        // is 0.15 m of floor, which makes 0.9 mm; and a map of 1024 texels over 2 m has one every 2 mm.
+        return Some(Holds { bound: 0.5 });
+    }
     is_seen(case)?;
     Some(match (case, counter) {
         ("HC-18 256 sheets", Counter::Stencil) => {
@@ -90,7 +107,7 @@ fn shares_of_dark(because: &'static str) -> Expectation {
 pub(crate) fn z_pass(counter: Counter, near_caps: bool, case: &str) -> Option<Expectation> {
     let all = |because| KnownLimit { at_least: 1.0, at_most: 1.0, because };
     Some(match case {
-        "HC-15 eye in shadow" | "HC-16 boundary near the eye" | "HC-24 light in a cube" => {
+        "HC-15 eye in shadow" | "HC-16 boundary near the eye" | "HC-24 lamp in a cube, in view" => {
             all("the eye is in a volume, and all counts are one too low")
         }
         "HC-16 boundary through the eye" => boundary(),

@@ -1,6 +1,6 @@
 //! The frame as shadow volumes take it: a homogeneous light, a camera, triangles.
 
-use antumbra_gpu::{CasterTriangles, Frame, GpuError, SUBPIXEL_STEP, ViewCamera};
+use antumbra_gpu::{CasterTriangles, Frame, GpuError, SUBPIXEL_STEP, ViewCamera, check_light};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec4};
 
 /// The light as a homogeneous point relative to the frame's origin: (position, 1), or (unit direction towards it, 0).
@@ -17,16 +17,9 @@ pub fn homogeneous_light(frame: &Frame<'_>) -> Vec4 {
 /// The casters' triangles.
 ///
 /// # Errors
-/// Casters that keep them to themselves, or a light that is no number.
+/// Casters that keep them to themselves, or an unusable light.
 pub(crate) fn triangles<'a>(frame: &Frame<'a>) -> Result<CasterTriangles<'a>, GpuError> {
-    let light = homogeneous_light(frame);
-    if !light.is_finite() {
-        return Err(GpuError::Invalid {
-            what: "light",
-            value: format!("{:?}", frame.light),
-            fix: "give a finite position and direction",
-        });
-    }
+    check_light(frame.light)?;
     frame.casters.triangles().ok_or_else(|| GpuError::Invalid {
         what: "casters",
         value: "without triangles".to_owned(),

@@ -44,7 +44,7 @@ fn facing(stage: &Stage, light: DVec4) -> impl Iterator<Item = (usize, ViewSampl
 
 /// The scenes and eyes of these tests: eyes in light, in shadow, and high above.
 fn views() -> Vec<(&'static str, Scene, Light, [Camera; 3])> {
-    ["rectangle", "cube", "thin-wall", "sphere"]
+    ["rectangle", "thin-wall", "sphere"]
         .into_iter()
         .flat_map(|name| {
             [LightKind::Directional, LightKind::Spot, LightKind::Point].map(|kind| {
@@ -99,7 +99,7 @@ fn a_count_behind_the_sample_is_the_number_of_volumes_around_it() {
             }
         }
     }
-    assert!(compared > 4_000, "{compared} samples compared");
+    assert!(compared > 3_000, "{compared} samples compared");
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn counts_behind_and_in_front_differ_by_the_eyes_own() {
         }
     }
     let in_shadow = around.iter().filter(|n| **n > 0).count();
-    assert!(in_shadow >= 12 && in_shadow < around.len(), "eyes in volumes: {around:?}");
+    assert!(in_shadow >= 9 && in_shadow < around.len(), "eyes in volumes: {around:?}");
 }
 
 /// A stack of level squares of two triangles each.
@@ -197,5 +197,5 @@ fn what_a_technique_cannot_serve_it_refuses_with_a_remedy() {
     let dark: &mut dyn Technique = asked.as_mut();
     let bad = Light::Point { position: DVec3::NAN };
     let error = stage.shoot(&gpu, &bad, dark, 0).expect_err("no light");
-    assert!(error.to_string().contains("finite"), "{error}");
+    assert!(error.to_string().contains("finite position"), "{error}");
 }

@@ -45,6 +45,21 @@ pub(super) struct Plan {
 /// relief, an interior, and a large scene.
 const QUICK_SCENES: [&str; 8] =
     ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
+/// Techniques of the quick suite: the plain map, one that avoids its bias, and what filters it. Shadow volumes of every
+/// triangle would take most of its time on a software device: ask for them by name.
+const QUICK_TECHNIQUES: [&str; 11] = [
+    "map/plain",
+    "map/midpoint",
+    "filter/pcf-hardware",
+    "filter/pcf-grid",
+    "filter/pcf-bilinear-grid",
+    "filter/pcf-castano",
+    "filter/pcf-poisson",
+    "filter/vsm",
+    "filter/esm",
+    "filter/evsm",
+    "filter/msm",
+];
 const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
 
 impl Plan {
@@ -66,7 +81,7 @@ impl Plan {
             ([], false) => HARD_LIGHTS.to_vec(),
             (kinds, _) => kinds.to_vec(),
         };
-        let mut techniques = select_techniques(&args.technique, full)?;
+        let mut techniques = select_techniques(&args.technique, args.suite)?;
         for technique in &mut techniques {
             technique.config.set_map_size(settings.map_size);
         }
@@ -92,7 +107,7 @@ pub(super) fn list() {
     println!("  {}", LightKind::ALL.map(LightKind::name).join(", "));
     println!("Techniques (* in the quick suite):");
     for entry in entries() {
-        let mark = if is_default(&entry) { "*" } else { " " };
+        let mark = if belongs(&entry, Suite::Quick) { "*" } else { " " };
         println!(" {mark}{}", entry.name);
     }
 }
@@ -137,15 +152,20 @@ fn entries() -> Vec<Entry> {
         .collect()
 }
 
-fn is_default(entry: &Entry) -> bool {
-    entry.name == entry.config.id()
+/// Whether a suite runs the technique where none is asked for.
+fn belongs(entry: &Entry, suite: Suite) -> bool {
+    match suite {
+        Suite::Full => true,
+        Suite::Stability => entry.name == entry.config.id(),
+        Suite::Quick | Suite::Scaling => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+    }
 }
 
-/// The techniques that match any of `patterns`; without a pattern, the defaults or, with `full`, all.
-fn select_techniques(patterns: &[String], full: bool) -> anyhow::Result<Vec<Entry>> {
+/// The techniques that match any of `patterns`; without a pattern, those of the suite.
+fn select_techniques(patterns: &[String], suite: Suite) -> anyhow::Result<Vec<Entry>> {
     let all = entries();
     if patterns.is_empty() {
-        return Ok(all.into_iter().filter(|e| full || is_default(e)).collect());
+        return Ok(all.into_iter().filter(|e| belongs(e, suite)).collect());
     }
     let mut wanted = vec![false; all.len()];
     for pattern in patterns {
@@ -233,7 +253,7 @@ mod tests {
     fn patterns_select_and_unknown_ones_list_what_there_is() {
         let some = select_techniques(
             &["map/plain".into(), "filter/pcf-grid".into(), "filter/pcf-grid-?".into()],
-            false,
+            Suite::Quick,
         )
         .expect("patterns that match");
         let names: Vec<_> = some.iter().map(|e| e.name.as_str()).collect();
@@ -242,7 +262,8 @@ mod tests {
             ["map/plain", "filter/pcf-grid", "filter/pcf-grid-5", "filter/pcf-grid-7"],
             "in the catalogue's order"
         );
-        let error = select_techniques(&["soft/none".into()], false).expect_err("no such technique");
+        let error =
+            select_techniques(&["soft/none".into()], Suite::Quick).expect_err("no such technique");
         assert!(error.to_string().contains("map/plain"), "{error}");
     }
 
@@ -252,6 +273,13 @@ mod tests {
         assert!(error.to_string().contains("half-plane"), "{error}");
         let error = open_scene("missing.glb", false).expect_err("no such file");
         assert!(format!("{error:#}").contains("missing.glb"), "{error:#}");
+    }
+
+    #[test]
+    fn every_quick_technique_exists() {
+        let quick = select_techniques(&[], Suite::Quick).expect("no pattern, no error");
+        let names: Vec<_> = quick.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!(names.len(), QUICK_TECHNIQUES.len(), "{names:?}");
     }
 
     #[test]

@@ -361,6 +361,7 @@ fn stability_cell(case: &StabilityCase) -> Markup {
         (true, Expected::Holds) => ("ok", "holds"),
         (true, Expected::KnownLimit) => ("limit", "known limit"),
         (true, Expected::Refuses) => ("limit", "refused"),
+        (true, Expected::Unsaid) => ("limit", "not judged"),
     };
     let measured = case.measured.map_or_else(|| "–".to_owned(), number);
     let allowed = match (case.at_least, case.bound) {

@@ -5,8 +5,6 @@ use antumbra_scene::Light;
 use glam::{DMat4, DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
-use crate::fit;
-
 /// A plane that receives shadows, world space: all x with `normal . x + offset = 0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -63,7 +61,7 @@ impl Receiver {
 /// # Errors
 /// A light with numbers that are no light.
 pub(super) fn light_vector(frame: &Frame<'_>) -> Result<DVec4, GpuError> {
-    fit::validate(frame.light)?;
+    antumbra_gpu::check_light(frame.light)?;
     Ok(match *frame.light {
         Light::Directional { direction, .. } => (-direction.normalize()).extend(0.0),
         _ => (frame.light.position().unwrap_or_default() - frame.origin).extend(1.0),

@@ -11,12 +11,12 @@ pub trait Chart {
     fn to_chart(&self, v: DVec3) -> DVec2;
 
     /// The unit vector at `c`.
-    fn from_chart(&self, c: DVec2) -> DVec3;
+    fn direction_at(&self, c: DVec2) -> DVec3;
 
     /// Solid angle of a unit of chart area at `c`, steradians.
     fn solid_angle(&self, c: DVec2) -> f64 {
         let step = 1e-5;
-        let q = |dx: f64, dy: f64| self.from_chart(c + DVec2::new(dx, dy));
+        let q = |dx: f64, dy: f64| self.direction_at(c + DVec2::new(dx, dy));
         let (du, dv) = (q(step, 0.0) - q(-step, 0.0), q(0.0, step) - q(0.0, -step));
         du.cross(dv).length() / (4.0 * step * step)
     }
@@ -31,7 +31,7 @@ impl Chart for Paraboloid {
         v.truncate() / (v.length() + v.z)
     }
 
-    fn from_chart(&self, c: DVec2) -> DVec3 {
+    fn direction_at(&self, c: DVec2) -> DVec3 {
         let k = c.length_squared();
         (2.0 * c).extend(1.0 - k) / (1.0 + k)
     }
@@ -60,7 +60,7 @@ impl Chart for Isocube {
         }
     }
 
-    fn from_chart(&self, c: DVec2) -> DVec3 {
+    fn direction_at(&self, c: DVec2) -> DVec3 {
         match self {
             Self::Belt => {
                 let y = c.y / 1.5;
@@ -103,7 +103,7 @@ impl Chart for Perspective {
         v.truncate() / v.z / self.tangents
     }
 
-    fn from_chart(&self, c: DVec2) -> DVec3 {
+    fn direction_at(&self, c: DVec2) -> DVec3 {
         (c * self.tangents).extend(1.0).normalize()
     }
 }
@@ -144,7 +144,7 @@ mod tests {
         ];
         for (k, chart) in charts.iter().enumerate() {
             for c in square().map(|c| 1.39 * c) {
-                let back = chart.to_chart(7.0 * chart.from_chart(c));
+                let back = chart.to_chart(7.0 * chart.direction_at(c));
                 assert!(back.abs_diff_eq(c, 1e-12), "chart {k}: {c} comes back as {back}");
             }
         }

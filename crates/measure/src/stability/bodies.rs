@@ -56,6 +56,7 @@ pub(super) fn interpenetrating(
     map_size: u32,
 ) -> Result<f64, MeasureError> {
     const SAMPLES_A_FACE: usize = 1 << 13;
+    const NEAR: u32 = 32;
     let cubes = [
         Bounds { min: DVec3::ZERO, max: DVec3::ONE },
         Bounds { min: DVec3::new(0.5, 0.3, 0.4), max: DVec3::new(1.5, 1.3, 0.6) },
@@ -89,16 +90,17 @@ pub(super) fn interpenetrating(
         for [a, b, _] in unit_cube(SAMPLES_A_FACE) {
             let p = corner
                 + sides * if n == DVec3::Y { DVec3::new(a, 0.0, b) } else { DVec3::new(0.0, a, b) };
+            // Eight directions and four distances, none of which a shadow of 0.2 m fits between.
             let near = |k: u32| {
-                let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
-                p + (u * cos + v * sin) * away
+                let (sin, cos) = (f64::from(k % 8) * std::f64::consts::FRAC_PI_4).sin_cos();
+                p + (u * cos + v * sin) * (away * 0.25 * f64::from(1 + k / 8))
             };
             // Nobody sees a face within the other box, nor the floor under a box; what is near is at a contact.
-            if inside(p + n * 1e-6) || (0..8).any(|k| inside(near(k) + n * 1e-6)) {
+            if inside(p + n * 1e-6) || (0..NEAR).any(|k| inside(near(k) + n * 1e-6)) {
                 continue;
             }
             points.push(sample(p, n));
-            around.extend((0..8).map(|k| sample(near(k), n)));
+            around.extend((0..NEAR).map(|k| sample(near(k), n)));
         }
     }
     let stage = Stage::at_points(gpu, &scene, &points)?;
@@ -108,7 +110,9 @@ pub(super) fn interpenetrating(
     let (true_here, true_around) = (truth(&points), truth(&around));
     let shot = stage.shoot(gpu, &light, technique, 0)?;
     let (mut wrong, mut judged) = (0, 0);
-    for ((v, here), around) in shot.visibility.iter().zip(&true_here).zip(true_around.chunks(8)) {
+    for ((v, here), around) in
+        shot.visibility.iter().zip(&true_here).zip(true_around.chunks(NEAR as usize))
+    {
         if around.iter().all(|a| a == here) {
             judged += 1;
             wrong += usize::from((v - here).abs() > 1e-5);

@@ -29,7 +29,7 @@ pub(super) fn of_a_cube() -> Seam {
     let at = |i: usize| {
         let (edge, share) = (i / 8, spread(i % 8, 8));
         let along = axes[edge % 3];
-        let sign = |bit: usize| if edge / 3 >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        let sign = |bit: usize| if (edge / 3) >> bit & 1 == 0 { 1.0 } else { -1.0 };
         let across = sign(0) * axes[(edge + 1) % 3] + sign(1) * axes[(edge + 2) % 3];
         on_arc(across - along, across + along, share)
     };
@@ -57,7 +57,7 @@ pub(super) fn of_an_isocube() -> Seam {
     let at = |i: usize| {
         if i < BODIES / 2 {
             let (sin, cos) = (TAU * spread(i / 2, BODIES / 4)).sin_cos();
-            let height = if i % 2 == 0 { 2.0 / 3.0 } else { -2.0 / 3.0 };
+            let height = if i.is_multiple_of(2) { 2.0 / 3.0 } else { -2.0 / 3.0 };
             let level = (1.0_f64 - height * height).sqrt();
             return (DVec3::new(level * cos, height, level * sin), DVec3::new(-sin, 0.0, cos));
         }

@@ -2,50 +2,33 @@
 //!
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
 
-use antumbra_gpu::Expectation;
+use antumbra_gpu::Expectation::{self, Holds, Refuses};
 
 use super::{Meshes, Silhouette};
 
 /// What theory says, on the hard case named `case`; `None` for a case that is not known here.
 pub(super) fn expectation(config: &Silhouette, case: &str) -> Option<Expectation> {
-    use Expectation::{Holds, Refuses};
-    let without_camera = Refuses {
-        because: "faces are counted along lines of sight, and the case's samples are seen by no camera",
-    };
-    let mesh_is = |fits: bool, holds: Expectation| match config.meshes {
-        Meshes::Watertight if !fits => {
+    // Faces are fewer, and count what those of all triangles count.
+    let usual = crate::expectation::z_fail(config.counter, case)?;
+    // Of the sheets' samples a few lie beside edges of their own sheet; how many may be wrong is not derived yet.
+    if case.starts_with("HC-18") {
+        return None;
+    }
+    let lone = case.starts_with("lone receivers");
+    let manifold = !(case.starts_with("HC-19") || case.starts_with("HC-20"));
+    Some(match (config.meshes, usual) {
+        (_, Refuses { because }) => Refuses { because },
+        (Meshes::Watertight, _) if !lone => {
             Refuses { because: "the scene has meshes that are not closed" }
         }
-        _ => holds,
-    };
-    let exact = Holds { bound: 0.0 };
-    // Positions are rounded to 2^-24 of at most 20 m, corner by corner; three of them and the sample's move an edge by
-    // less than 1e-5 m, against texels of at least 2 m / 4096.
-    let edge = Holds { bound: 1e-5 / (2.0 / 4096.0) };
-    Some(match case {
-        "lone receivers, directional" | "lone receivers, spot" | "lone receivers, point" => exact,
-        // Near caps have a sample in their plane on the light's side.
-        "HC-03 grazing plane" | "HC-03 grazing plane, diagonal" => mesh_is(false, exact),
-        // All f32 positions are relative to an origin near the scene.
-        "HC-14 far from the origin" => mesh_is(false, exact),
-        "HC-19 three and four triangles on an edge" | "HC-20 winding without a side" => {
-            match config.meshes {
-                Meshes::Manifold => Refuses { because: "the scene has a mesh that is no manifold" },
-                _ => mesh_is(false, edge),
-            }
+        (Meshes::Manifold, _) if !manifold => {
+            Refuses { because: "the scene has a mesh that is no manifold" }
         }
-        "HC-22 vertex on an edge" => mesh_is(false, edge),
-        "HC-01 A, point light"
-        | "HC-01 B, sun overhead"
-        | "HC-01 C, slanting sun"
-        | "HC-01 B, turned 30 degrees"
-        | "HC-02 light amid the caster"
-        | "HC-04 thin wall"
-        | "HC-05 cube"
-        | "HC-13 depth precision"
-        | "HC-13 depth precision, near caster"
-        | "HC-31 wire below a texel"
-        | "HC-40 casters out of view" => without_camera,
-        _ => return None,
+        // A side that several triangles share cannot be left out for the samples of one of them, as the sides of
+        // single triangles are: beside an edge of their own surface, within the rasteriser's step of sqrt(2) / 256
+        // pixel to either side, samples may be wrong. Bodies of 5120 triangles over 60 pixels of radius have less
+        // than one pixel of edge a pixel: 1 in 90.
+        _ if lone => Holds { bound: 1.0 / 90.0 },
+        (_, usual) => usual,
     })
 }

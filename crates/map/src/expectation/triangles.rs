@@ -1,0 +1,137 @@
+//! What theory says of the techniques of `triangles.rs`.
+
+use antumbra_gpu::Expectation;
+
+use super::depth_map;
+use crate::{Estimator, ObjectId, PolygonId, TriangleDepth};
+use Expectation::{Holds, KnownLimit};
+
+/// Ideal texels a texel of the map: the guard band of a kernel of `reach` texels around its own, and one more,
+/// at each side.
+fn texel(size: u32, reach: u32) -> f64 {
+    let size = f64::from(size);
+    size / (size - 2.0 * (2.0 + f64::from(reach))).max(1.0)
+}
+
+/// The plain map's, of a kernel that reaches as far.
+fn plain(size: u32, reach: u32, case: &str) -> Option<Expectation> {
+    if super::is_unsaid(case) {
+        return None;
+    }
+    depth_map(
+        crate::Omni::default(),
+        &Estimator { radius: 0.5 + reach as f32, ..Estimator::nearest() },
+        size,
+        case,
+    )
+}
+
+/// HC-09 where identity is compared: along box 2's edges above box 1, a texel's centre can lie on the other box. A
+/// texel, of 2 m of map, at either edge of its 0.2 m, is a share of 20 / size of at most half of the samples.
+fn halo(size: u32, reach: u32) -> f64 {
+    10.0 * texel(size, reach) / f64::from(size)
+}
+
+pub(crate) fn object_id(config: &ObjectId, case: &str) -> Option<Expectation> {
+    Some(match case {
+        // The plates are two objects, whatever their depths.
+        "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
+        "HC-09 boxes in each other" => Holds { bound: halo(config.size, 0) },
+        // All else that is lit is one convex object, or none that casts.
+        _ => return plain(config.size, 0, case),
+    })
+}
+
+pub(crate) fn polygon_id(config: &PolygonId, case: &str) -> Option<Expectation> {
+    let size = f64::from(config.size);
+    let texel = texel(config.size, config.reach);
+    let alone = config.reach == 0;
+    // Where two triangles meet along a line, each of its texels names one of them.
+    let along_edges = |at_least: f64, at_most: f64| KnownLimit {
+        at_least: if alone { at_least } else { f64::MIN_POSITIVE },
+        at_most,
+        because: "a texel that two triangles share names one of them, and the other is dark",
+    };
+    Some(match case {
+        // A sample's texel names another triangle with the probability of its edges' length an area times a
+        // quarter of a texel, the mean distance of an offset within a texel across an edge. 2560 equal
+        // triangles on pi / 4 of a map have 2.0 sqrt(2560 / (pi / 4)) = 114 map sides of edge on the map: 29 / size
+        // on the sphere, a quarter of the samples, half as much where few of it are seen; more at its limb and
+        // on the cylinder's thin sides.
+        "lone receivers, directional" | "lone receivers, spot" | "lone receivers, point" => {
+            along_edges(0.5 * 0.25 * 29.0 / size, 50.0 / size)
+        }
+        // One line of at most `size` texels, wrong in half of each; the camera may see thrice as much of it.
+        "HC-03 grazing plane" if alone => along_edges(f64::MIN_POSITIVE, 1.5 * texel / size),
+        // The line runs along the light, at the map's middle, where texels meet.
+        "HC-03 grazing plane, diagonal" if alone => Holds { bound: 1.5 * texel / size },
+        // The farthest sample from the limb is the sphere's middle, 0.5 m, of 1.366 m.
+        "HC-08 sphere's limb" => {
+            let middle = 0.5 / (60_f64.to_radians().sin() + 0.5) * size;
+            along_edges(0.9 * middle, middle)
+        }
+        "HC-09 boxes in each other" if alone => {
+            along_edges(f64::MIN_POSITIVE, 2.0 * halo(config.size, config.reach))
+        }
+        "HC-09 boxes in each other" => Holds { bound: 2.0 * halo(config.size, config.reach) },
+        // Eight triangles an ideal texel, of which it names one.
+        "HC-10 triangles below a texel" if alone => {
+            let dark = 1.0 - 1.0 / (8.0 * texel * texel);
+            KnownLimit {
+                at_least: dark - 0.01,
+                at_most: dark + 0.01,
+                because: "of eight triangles a texel names one, and seven are dark",
+            }
+        }
+        // Each of the texels around may name a triangle that reaches into the receiver's.
+        "HC-10 triangles below a texel" => KnownLimit {
+            at_least: 0.75,
+            at_most: 0.9,
+            because: "of eight triangles a texel names one, and seven are dark",
+        },
+        // The front plate's line, half of a texel wide at most, of a plate as wide as the map; half the samples.
+        "HC-13 depth precision" if alone => along_edges(f64::MIN_POSITIVE, 0.5 * texel / size),
+        // The same, where positions 500 m from the origin are known to a millimetre, which is a texel.
+        "HC-13 depth precision, near caster" => Holds { bound: 0.5 * texel / size },
+        _ => return plain(config.size, config.reach, case),
+    })
+}
+
+pub(crate) fn triangle_depth(config: &TriangleDepth, case: &str) -> Option<Expectation> {
+    let size = f64::from(config.size);
+    let texel = texel(config.size, config.reach);
+    Some(match case {
+        "HC-01 A, point light" | "HC-01 B, sun overhead" | "HC-01 C, slanting sun"
+            if config.reach > 0 =>
+        {
+            // Every sample has a texel nearby that the square fills, and the rest is the ray's: positions of
+            // 10 m are rounded by 1e-6 m.
+            Holds { bound: 1e-5 * size }
+        }
+        // Near a tip, or an edge that leaves the texels' rows, the nearest texel may show nothing.
+        "HC-01 B, turned 30 degrees" | "HC-02 light amid the caster" => {
+            Holds { bound: 1.5 * texel }
+        }
+        // Distances of planes, to the rounding of positions.
+        "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
+        "HC-31 wire below a texel" => wire(size, texel, config.reach),
+        _ => return plain(config.size, config.reach, case),
+    })
+}
+
+/// HC-31: the ray under the wire's axis meets the edge of its two upper sides. Of each side's two triangles only
+/// one has that edge, and across the wire it is on average half as wide as the side.
+fn wire(size: f64, texel: f64, reach: u32) -> Expectation {
+    let cos = 30_f64.to_radians().cos();
+    // Both together, texels: sides are sin 45 degrees of the wire's half thickness of 0.2 texels wide.
+    let width = 45_f64.to_radians().sin() * 0.2;
+    let uneven = 4.0 / (2.8 / 20.48 * size);
+    // Texels' centres lie across the wire at most (2 reach + 1) / cos 30 to a texel, and those of one texel are
+    // spread at most that densely.
+    let most = width * f64::from(2 * reach + 1) / cos;
+    KnownLimit {
+        at_least: 1.0 - most * (1.0 + uneven),
+        at_most: 1.0 - width / texel / cos * (1.0 - uneven),
+        because: "the triangle that a ray meets counts only where a texel's centre falls on it",
+    }
+}
