@@ -74,7 +74,12 @@ fn spirv(module: &naga::Module, info: &ModuleInfo) -> anyhow::Result<Vec<u8>> {
 
 fn msl(module: &naga::Module, info: &ModuleInfo) -> anyhow::Result<Vec<u8>> {
     // Bindings are given fake slots: the engine that uses the export maps its own.
-    let options = back::msl::Options { fake_missing_bindings: true, ..Default::default() };
+    // Invariant positions need 2.1 (macOS 10.14).
+    let options = back::msl::Options {
+        fake_missing_bindings: true,
+        lang_version: (2, 1),
+        ..Default::default()
+    };
     let (text, _) = back::msl::write_string(module, info, &options, &Default::default())?;
     Ok(text.into_bytes())
 }
