@@ -27,7 +27,9 @@ impl Plane {
 /// position (w = 1) or a direction towards the light (w = 0), both in the same space (Blinn 1988; *Real-Time
 /// Shadows* eq. 2.3):
 ///
-///     M = (plane . light) I - light plane^T
+/// ```text
+/// M = (plane . light) I - light plane^T
+/// ```
 ///
 /// Points of the plane stay where they are and the light itself goes to zero. The fourth coordinate of `M v` is
 /// `normal . light - normal . v` for a position: it has the sign of `plane . light` where `v` lies on the
