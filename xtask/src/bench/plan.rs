@@ -47,7 +47,7 @@ const QUICK_SCENES: [&str; 8] =
     ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
 /// Techniques of the quick suite: the plain map, one that avoids its bias, and what filters it. Shadow volumes of every
 /// triangle would take most of its time on a software device: ask for them by name.
-const QUICK_TECHNIQUES: [&str; 11] = [
+const QUICK_TECHNIQUES: [&str; 10] = [
     "map/plain",
     "map/midpoint",
     "filter/pcf-hardware",
@@ -56,7 +56,6 @@ const QUICK_TECHNIQUES: [&str; 11] = [
     "filter/pcf-castano",
     "filter/pcf-poisson",
     "filter/vsm",
-    "filter/esm",
     "filter/evsm",
     "filter/msm",
 ];
