@@ -24,9 +24,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("antumbra-map", &["antumbra-gpu", "antumbra-scene", "antumbra-shaders"]),
     ("antumbra-filter", &["antumbra-gpu", "antumbra-map", "antumbra-shaders"]),
     ("antumbra-volume", &["antumbra-gpu", "antumbra-shaders"]),
+    ("antumbra-sampling", &["antumbra-gpu", "antumbra-map", "antumbra-scene", "antumbra-shaders"]),
+    ("antumbra-soft", &["antumbra-gpu", "antumbra-map", "antumbra-scene", "antumbra-shaders"]),
     (
         "antumbra",
-        &["antumbra-filter", "antumbra-gpu", "antumbra-map", "antumbra-scene", "antumbra-volume"],
+        &[
+            "antumbra-filter",
+            "antumbra-gpu",
+            "antumbra-map",
+            "antumbra-sampling",
+            "antumbra-scene",
+            "antumbra-soft",
+            "antumbra-volume",
+        ],
     ),
     (
         "antumbra-measure",

@@ -54,6 +54,12 @@ pub use antumbra_scene as scene;
 #[cfg(feature = "filter")]
 pub use antumbra_filter as filter;
 
+#[cfg(feature = "sampling")]
+pub use antumbra_sampling as sampling;
+
+#[cfg(feature = "soft")]
+pub use antumbra_soft as soft;
+
 #[cfg(feature = "volume")]
 pub use antumbra_volume as volume;
 
