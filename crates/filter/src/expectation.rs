@@ -66,11 +66,27 @@ pub(crate) fn expectation(
     // As in `antumbra_map`: the guard band makes texels larger than ideal ones.
     let texel = size / (size - 2.0 * (radius.ceil() + 1.0)).max(1.0);
     Some(match case {
-        // The floor lies beyond the last caster, which is level: as far from it as the range is long.
+        "HC-02 in view" if matches!(bound, Bound::Layers { .. }) => Expectation::KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: size,
+            because: "where a floor enters a layer, its shadow gets up to 1 % of the light",
+        },
+        // The wire's axis is 5 cm above its receiver, which the cone moves by 2 texels of 16 cm or, of a map of 1024,
+        // 2 cm for each texel of the kernel's spread.
+        "HC-31 wire below a texel" => {
+            let Expectation::KnownLimit { at_least, .. } = exact else { return Some(exact) };
+            Expectation::KnownLimit {
+                at_least,
+                at_most: 1.0,
+                because: "a caster thinner than a texel is in the map only where a texel's centre falls on it, and \
+                          one so near its receiver is within the bias",
+            }
+        }
+        // The floor lies behind the caster, which is level, by half of the range at least.
         "HC-01 A, point light"
         | "HC-01 B, sun overhead"
         | "HC-01 B, turned 30 degrees"
-        | "HC-02 light amid the caster" => leaky(exact, bound, size, 1.0, 1.0, 0.0),
+        | "HC-02 light amid the caster" => leaky(exact, bound, size, 0.5, 1.0, 0.0),
         "HC-01 C, slanting sun" => {
             // A square of 2 m at 45 degrees to the light: sqrt 2 m deep, in a window 2 texel m wide. The range
             // goes on behind it by the window's width.

@@ -235,6 +235,10 @@ impl Store for Filtered {
         Ok(())
     }
 
+    fn needs_receivers(&self) -> bool {
+        true
+    }
+
     fn view(&self) -> Option<&wgpu::TextureView> {
         self.blur.view()
     }

@@ -33,6 +33,11 @@ pub trait Store: std::fmt::Debug {
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError>;
 
+    /// Whether the store averages depth and so needs every surface in the map, those that cast no shadow too.
+    fn needs_receivers(&self) -> bool {
+        false
+    }
+
     /// Whether the store draws the casters itself. Then the map's own depth passes are left out, and its layers
     /// are the store's to use.
     fn draws(&self) -> bool {

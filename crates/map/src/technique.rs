@@ -111,7 +111,8 @@ impl MapTechnique {
         config.bias.validate()?;
         // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
         let guard = estimator.radius.ceil() as u32 + 1;
-        let map = ShadowMap::new(gpu, config.size, guard, arrange)?;
+        let receivers = store.as_ref().is_some_and(|s| s.needs_receivers());
+        let map = ShadowMap::new(gpu, config.size, guard, arrange)?.with_receivers(receivers);
         Ok(Self {
             config: *config,
             estimator,
