@@ -4,9 +4,9 @@ use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::MapConfig;
 use serde::{Deserialize, Serialize};
 
+use crate::expectation;
 use crate::pcss::build;
 use crate::window::Window;
-use crate::expectation;
 
 /// Soft shadow mapping (Guennebaud, Barthe, Paulin 2006; Atty et al. 2006): texels nearer than the receiver are projected
 /// back onto the light as rectangles, and the areas that they hide add up.

@@ -5,9 +5,9 @@ use antumbra_map::{Estimator, MapConfig};
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
+use crate::expectation;
 use crate::pcss::build;
 use crate::window::Window;
-use crate::expectation;
 
 /// How many samples of the light a mask has a bit for: tiles of a rotated grid of four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,7 +42,9 @@ impl Samples {
             Self::S1024 => (2, 0x0001_0001),
         };
         let tiles = self.tiles();
-        format!("const TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\nconst REPEAT: u32 = {repeat}u;\n")
+        format!(
+            "const TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\nconst REPEAT: u32 = {repeat}u;\n"
+        )
     }
 }
 
@@ -82,7 +84,9 @@ impl Occluders {
         let close = self == Self::ClosedMicropatch;
         let exact = matches!(self, Self::ExactMicroquad | Self::Microtri);
         let tris = self == Self::Microtri;
-        format!("const CLOSE: bool = {close};\nconst EXACT: bool = {exact};\nconst TRIS: bool = {tris};\n")
+        format!(
+            "const CLOSE: bool = {close};\nconst EXACT: bool = {exact};\nconst TRIS: bool = {tris};\n"
+        )
     }
 }
 

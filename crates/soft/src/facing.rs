@@ -1,9 +1,7 @@
 //! Views from the centre of an area light: a cube turned as the light is.
 
 use antumbra_gpu::{Frame, GpuError, check_light};
-use antumbra_map::{
-    Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_perspective, fit_seen,
-};
+use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_perspective, fit_seen};
 use antumbra_scene::Light;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -101,9 +99,10 @@ pub(crate) fn half_sides(light: &Light) -> [DVec3; 2] {
 /// Checks the size of a light.
 fn check_extent(light: &Light) -> Result<(), GpuError> {
     let (ok, fix) = match *light {
-        Light::Directional { angular_diameter, .. } => {
-            ((0.0..3.1).contains(&angular_diameter), "use an angular diameter from 0 to 3.1 radians")
-        }
+        Light::Directional { angular_diameter, .. } => (
+            (0.0..3.1).contains(&angular_diameter),
+            "use an angular diameter from 0 to 3.1 radians",
+        ),
         Light::Sphere { radius, .. } | Light::Disc { radius, .. } => {
             (radius.is_finite() && radius >= 0.0, "use a finite radius of at least 0")
         }

@@ -110,7 +110,7 @@ mod tests {
             Pcss { centre: -0.1, ..Pcss::default() },
             Pcss { centre: f32::NAN, ..Pcss::default() },
             Pcss { window: window(3), ..Pcss::default() },
-            Pcss { window: window(1025), ..Pcss::default() },
+            Pcss { window: window(129), ..Pcss::default() },
         ] {
             assert!(wrong.estimator().is_err(), "{wrong:?}");
         }

@@ -15,7 +15,7 @@ pub struct Window {
     /// Takes a receiver for dark where all texels of its window are nearer than it, without asking whether light slips
     /// between them. Default true, as published; needs `hierarchy`.
     pub umbra: bool,
-    /// Most texels a side of a window that are looked at, 4 to 1024, default 64: of larger windows one texel stands for
+    /// Most texels a side of a window that are looked at, 4 to 128, default 64: of larger windows one texel stands for
     /// a block. Cost: up to its square in fetches a sample.
     pub budget: u32,
     /// Counts on the GPU what becomes of samples, for measurements. Default false.
@@ -32,10 +32,11 @@ impl Window {
     /// # Errors
     /// A budget out of range.
     pub(crate) fn validate(&self) -> Result<(), GpuError> {
-        if (4..=1024).contains(&self.budget) {
+        // Mesa's software device ends the loops of a shader after 65535 turns together: twice the square of 128 are less.
+        if (4..=128).contains(&self.budget) {
             return Ok(());
         }
-        let (what, fix) = ("window.budget", "use 4 to 1024 texels");
+        let (what, fix) = ("window.budget", "use 4 to 128 texels");
         Err(GpuError::Invalid { what, value: self.budget.to_string(), fix })
     }
 

@@ -73,8 +73,8 @@ mod tests {
         // Even-odd: the quadrilaterals are convex.
         (0..4).fold(false, |inside, i| {
             let (p, q) = (corners[i], corners[(i + 1) % 4]);
-            let crosses = (p.y > s.y) != (q.y > s.y)
-                && s.x < p.x + (s.y - p.y) / (q.y - p.y) * (q.x - p.x);
+            let crosses =
+                (p.y > s.y) != (q.y > s.y) && s.x < p.x + (s.y - p.y) / (q.y - p.y) * (q.x - p.x);
             inside != crosses
         })
     }

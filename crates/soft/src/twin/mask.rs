@@ -124,8 +124,7 @@ impl Mask {
 fn crossing(p: DVec2, q: DVec2, y: f64) -> Option<f64> {
     let is_up = p.y < q.y || (p.y == q.y && p.x < q.x);
     let (low, high) = if is_up { (p, q) } else { (q, p) };
-    (low.y <= y && y < high.y)
-        .then(|| low.x + (y - low.y) * ((high.x - low.x) / (high.y - low.y)))
+    (low.y <= y && y < high.y).then(|| low.x + (y - low.y) * ((high.x - low.x) / (high.y - low.y)))
 }
 
 #[cfg(test)]
@@ -186,9 +185,15 @@ mod tests {
             let mut sum = 0;
             for (x, y) in (0..25).map(|i| (i % 5, i / 5)) {
                 let mut one = Mask::new(samples);
-                one.add_rectangle(DVec2::new(cuts[x], cuts[y]), DVec2::new(cuts[x + 1], cuts[y + 1]));
+                one.add_rectangle(
+                    DVec2::new(cuts[x], cuts[y]),
+                    DVec2::new(cuts[x + 1], cuts[y + 1]),
+                );
                 sum += one.count();
-                union.add_rectangle(DVec2::new(cuts[x], cuts[y]), DVec2::new(cuts[x + 1], cuts[y + 1]));
+                union.add_rectangle(
+                    DVec2::new(cuts[x], cuts[y]),
+                    DVec2::new(cuts[x + 1], cuts[y + 1]),
+                );
             }
             let all = 4 * samples.tiles().pow(2);
             assert_eq!((sum, union.count()), (all, all), "{samples:?}");

@@ -56,7 +56,8 @@ impl View {
             let aside = |row: glam::DVec4| row.truncate() - axis * offset(row);
             z = axis.normalize();
             (x, y) = (aside(across).normalize(), -aside(down).normalize());
-            texels = half * DVec2::new(aside(across).length(), aside(down).length()) / axis.length();
+            texels =
+                half * DVec2::new(aside(across).length(), aside(down).length()) / axis.length();
             centre = half * DVec2::new(1.0 + offset(across), 1.0 - offset(down));
             a = offset(depth);
             b = (depth.w - a * w.w) / axis.length();

@@ -70,8 +70,7 @@ impl Map<'_> {
     }
 
     fn lit(&self, receiver: &Receiver, texel: IVec2) -> f64 {
-        let dark = self.inside(texel)
-            && (self.depth)(texel.x, texel.y) > receiver.reference(texel);
+        let dark = self.inside(texel) && (self.depth)(texel.x, texel.y) > receiver.reference(texel);
         if dark { 0.0 } else { 1.0 }
     }
 
@@ -81,7 +80,8 @@ impl Map<'_> {
         let light = &receiver.light;
         let Some(found) = self.search(light, config.window.budget) else { return (1.0, None) };
         let central = |s: DVec2| {
-            let square = if light.round { s.length_squared() } else { s.abs().max_element().powi(2) };
+            let square =
+                if light.round { s.length_squared() } else { s.abs().max_element().powi(2) };
             1.0 - f64::from(config.centre) * square.min(1.0)
         };
         let (mut sum, mut total) = (0.0, 0.0);
@@ -144,7 +144,8 @@ impl Map<'_> {
                 let block = DVec2::new(x, y);
                 let middle = block + 0.5 * stride;
                 let area = overlap(block, stride, window);
-                let on = light.is_box || light.on_shape(light.on_light((middle - light.texel) / scale));
+                let on =
+                    light.is_box || light.on_shape(light.on_light((middle - light.texel) / scale));
                 if area > 0.0 && on {
                     sum += area * self.lit(receiver, middle.floor().as_ivec2());
                     total += area;
