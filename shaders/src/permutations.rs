@@ -85,6 +85,21 @@ pub fn permutations() -> Vec<Permutation> {
         });
     }
     all.extend(blurs());
+    for (name, mut slots) in soft() {
+        slots.push(module("layout", "soft::layout_turned"));
+        all.push(Permutation {
+            name: format!("map-resolve-turned-{name}"),
+            root: "map::resolve",
+            slots,
+        });
+    }
+    for (name, below) in [("map", "soft::below_map"), ("level", "soft::below_level")] {
+        all.push(Permutation {
+            name: format!("soft-pyramid-from-{name}"),
+            root: "soft::pyramid",
+            slots: vec![module("below", below)],
+        });
+    }
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
             let mut slots = slots.clone();
@@ -220,6 +235,7 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
     ] {
         all.push((name, vec![triangles.clone(), module("estimator", path), radius(n)]));
     }
+    all.extend(soft());
     for (name, n) in [("box-2", 2), ("box-3", 3), ("box-7", 7)] {
         let slots = vec![loaded.clone(), separable.clone(), kernel("filter::kernel::box"), side(n)];
         all.push((name, slots));
@@ -240,6 +256,46 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         all.push((taps_name, vec![compared.clone(), taps.clone(), castano(), core(values)]));
     }
     all
+}
+
+/// Estimators of soft shadows, with and without a pyramid and a tally.
+fn soft() -> Vec<(&'static str, Vec<Slot>)> {
+    let patch = Some("soft::micropatch");
+    let quad = Some("soft::microquad");
+    let (mask_64, mask_256, mask_1024) =
+        ((4, 4, 0x1111), (8, 4, 0x0101_0101), (16, 2, 0x0001_0001_u32));
+    [
+        ("pcss", "soft::pcss", None, true, mask_256),
+        ("pcss-all-texels", "soft::pcss", None, false, mask_64),
+        ("back-projection", "soft::back_projection", None, true, mask_256),
+        ("bitmask-micropatch-64", "soft::bitmask", patch, true, mask_64),
+        ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
+        ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-microquad-1024", "soft::bitmask", quad, false, mask_1024),
+    ]
+    .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
+        let taps = if full { 16 } else { 0 };
+        let constants = format!(
+            "const HIERARCHY: bool = {full};\nconst UMBRA: bool = {full};\nconst BUDGET: i32 = 64;\n\
+             const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\n\
+             const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
+             const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
+             const TRIS: bool = {full};"
+        );
+        let mut slots = vec![
+            module("store", "common::depth_map"),
+            module("map::shadow", "soft::shadow"),
+            module("estimator", estimator),
+            source("config", constants),
+        ];
+        slots.extend(occluders.map(|path| module("occluders", path)));
+        if !full {
+            slots.push(module("soft::bounds", "soft::no_bounds"));
+            slots.push(module("soft::tally", "soft::no_tally"));
+        }
+        (name, slots)
+    })
+    .into()
 }
 
 /// The integer kernel of `side` texels (3, 5 or 7) of Castano 2013.

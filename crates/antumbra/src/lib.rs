@@ -169,6 +169,15 @@ techniques! {
     #[cfg(feature = "filter")]
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
+    #[cfg(feature = "soft")]
+    /// Percentage-closer soft shadows.
+    Pcss(antumbra_soft::Pcss) = "soft/pcss",
+    #[cfg(feature = "soft")]
+    /// Texels projected back onto the light, their areas added up.
+    BackProjection(antumbra_soft::BackProjection) = "soft/back-projection",
+    #[cfg(feature = "soft")]
+    /// Texels projected back onto the light, as bits for its samples.
+    Bitmask(antumbra_soft::Bitmask) = "soft/bitmask",
     #[cfg(feature = "volume")]
     /// Each triangle's shadow volume asked whether it contains the sample.
     VolumeTriangle(antumbra_volume::Triangle) = "volume/triangle",

@@ -161,7 +161,8 @@ pub fn fit_seen(
 
 /// As [`fit_seen`], for one perspective view of a light at `eye` (relative to the origin), down -z of `basis`, whose
 /// rows are right, up and back, at most `tan_limit` wide and high on either side.
-pub(crate) fn fit_perspective(
+#[must_use]
+pub fn fit_perspective(
     light: &Light,
     (eye, basis, tan_limit): (DVec3, DMat3, DVec2),
     hull: &[DVec3],

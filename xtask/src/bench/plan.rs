@@ -6,6 +6,7 @@ use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
+use antumbra_soft::{Bitmask, Occluders, Pcss};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -122,6 +123,7 @@ fn entries() -> Vec<Entry> {
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
+    let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
     defaults
         .chain([
             variant("tetrahedron", plain(Omni::Tetrahedron)),
@@ -147,6 +149,11 @@ fn entries() -> Vec<Entry> {
             variant("5-hw", castano(5, true)),
             variant("7-hw", castano(7, true)),
             variant("32", Config::PcfPoisson(PcfPoisson { taps: 32, ..Default::default() })),
+            variant("all", Config::Pcss(Pcss { search: 0, filter: 0, ..Default::default() })),
+            variant("micropatch", bitmask(Occluders::Micropatch)),
+            variant("closed", bitmask(Occluders::ClosedMicropatch)),
+            variant("exact", bitmask(Occluders::ExactMicroquad)),
+            variant("microtri", bitmask(Occluders::Microtri)),
         ])
         .collect()
 }
