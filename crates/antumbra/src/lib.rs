@@ -155,11 +155,29 @@ techniques! {
     /// A disc whose rim is looked at first.
     PcfAdaptive(antumbra_filter::PcfAdaptive) = "filter/pcf-adaptive",
     #[cfg(feature = "filter")]
+    /// Taps shared out among neighbouring pixels.
+    PcfInterleaved(antumbra_filter::PcfInterleaved) = "filter/pcf-interleaved",
+    #[cfg(feature = "filter")]
+    /// The pixel's footprint in the map.
+    PcfFootprint(antumbra_filter::PcfFootprint) = "filter/pcf-footprint",
+    #[cfg(feature = "filter")]
     /// Variance shadow maps.
     Vsm(antumbra_filter::Vsm) = "filter/vsm",
     #[cfg(feature = "filter")]
     /// Variance shadow maps of slices of the depth range.
     Lvsm(antumbra_filter::Lvsm) = "filter/lvsm",
+    #[cfg(feature = "filter")]
+    /// Variance shadow maps over boxes of any size.
+    Savsm(antumbra_filter::Savsm) = "filter/savsm",
+    #[cfg(feature = "filter")]
+    /// Convolution shadow maps.
+    Convolution(antumbra_filter::Convolution) = "filter/convolution",
+    #[cfg(feature = "filter")]
+    /// Blurred depth: what not to do.
+    BlurredDepth(antumbra_filter::BlurredDepth) = "filter/blurred-depth",
+    #[cfg(feature = "filter")]
+    /// Blurred depth, compared softly: a look.
+    SoftComparison(antumbra_filter::SoftComparison) = "filter/soft-comparison",
     #[cfg(feature = "filter")]
     /// Exponential shadow maps.
     Esm(antumbra_filter::Esm) = "filter/esm",

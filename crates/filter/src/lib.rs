@@ -7,21 +7,32 @@
 //! Filterable maps average first: moments or exponentials of depth, filtered once a map ([`Prefilter`]), bound
 //! the same sum from above at a cost a sample that does not grow with the kernel.
 
+mod blurred_depth;
+mod convolution;
 mod esm;
 mod expectation;
+mod eye;
 pub mod kernel;
 mod lvsm;
 mod msm;
 mod pcf;
+mod pcf_footprint;
+mod pcf_interleaved;
 mod prefilter;
+mod savsm;
 pub mod twin;
 mod vsm;
 
-pub use esm::{Esm, Evsm};
+pub use blurred_depth::{BlurredDepth, SoftComparison};
+pub use convolution::Convolution;
+pub use esm::{Esm, Evsm, Fallback};
 pub use lvsm::Lvsm;
 pub use msm::Msm;
 pub use pcf::{
     PcfAdaptive, PcfBilinearGrid, PcfCastano, PcfCubic, PcfGrid, PcfHardware, PcfPoisson,
 };
+pub use pcf_footprint::PcfFootprint;
+pub use pcf_interleaved::PcfInterleaved;
 pub use prefilter::{Prefilter, Shape};
+pub use savsm::{Savsm, Table};
 pub use vsm::Vsm;
