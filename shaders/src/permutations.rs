@@ -124,6 +124,7 @@ fn blurs() -> Vec<Permutation> {
             "rg32float",
         ),
         ("depth", depth, "filter::encoding::depth", sum, "r32float"),
+        ("depth-range", depth, "filter::encoding::depth_twice", "gpu::mean::min_max", "rg32float"),
         ("waves", depth, "filter::encoding::waves", sum, "rgba8unorm"),
         ("evsm", depth, "filter::encoding::warped", sum, "rgba32float"),
         ("msm", depth, "filter::encoding::moments", sum, "rgba32float"),
@@ -221,6 +222,7 @@ fn filtered_constants(both: bool) -> Slot {
     text += &format!(
         "const BOTH: bool = {both};\nconst ALL: bool = true;\nconst FOLLOW: bool = true;\n"
     );
+    text += "const OWN: bool = true;\n";
     text += "const SLICES: i32 = 8;\nconst TEXELS: i32 = 2;\nconst WEIGHTS = array<f32, 3>(0.0, 1.0, 0.0);\n";
     source("config", text)
 }
@@ -282,6 +284,7 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         ("msm-16", "filter::texels_16", "filter::msm", false),
         ("esm-fallback", "filter::texels", "filter::esm_fallback", false),
         ("convolution", "filter::texels", "filter::convolution", false),
+        ("multiple-depth", "filter::texels", "filter::multiple_depth", false),
         ("blurred-depth", "filter::texels", "filter::blurred_depth", false),
         ("soft-comparison", "filter::texels", "filter::soft_comparison", false),
         ("savsm", "filter::table_fixed", "filter::savsm", false),

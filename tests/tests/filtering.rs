@@ -2,7 +2,8 @@
 //! the scenes whose leaks have a closed form.
 
 use antumbra_filter::{
-    Esm, Evsm, Fallback, Lvsm, Msm, PcfAdaptive, PcfBilinearGrid, Prefilter, Savsm, Shape, Vsm, twin,
+    Esm, Evsm, Fallback, Lvsm, Msm, PcfAdaptive, PcfBilinearGrid, Prefilter, Savsm, Shape, Vsm,
+    twin,
 };
 use antumbra_gpu::{
     Blur, BlurJob, BlurShader, Gpu, Recorder, TechniqueConfig, bind, blur_rounding, read_buffer,
@@ -12,7 +13,7 @@ use antumbra_map::{Bias, Estimator, MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::ViewSample;
 use antumbra_scene::generate::shapes;
-use antumbra_scene::{Light, LightKind, Scene, generate};
+use antumbra_scene::{Light, LightKind, generate};
 use antumbra_shaders::{link_source, module};
 use antumbra_tests::{gpu, image};
 use glam::{DAffine3, DVec3, Vec3};

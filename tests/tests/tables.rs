@@ -2,8 +2,8 @@
 
 use antumbra_gpu::{
     Anchor, Beyond, BlurShader, Gpu, LayerJob, Pyramid, PyramidKind, Recorder, Sat, SatNumbers,
-    SatShader, bind, read_buffer, read_f32_level, read_f32_texture, read_u32_texture,
-    sat_rounding, wgpu,
+    SatShader, bind, read_buffer, read_f32_level, read_f32_texture, read_u32_texture, sat_rounding,
+    wgpu,
 };
 use antumbra_shaders::{link_source, source};
 use antumbra_tests::{gpu, image};
@@ -66,9 +66,8 @@ fn windows_of_an_integer_table_are_exact_also_after_it_has_wrapped() {
         [(1, 1, false), (3, 3, false), (65, 64, false), (300, 64, false), (1024, 64, true)]
     {
         let numbers = SatNumbers::fixed(most);
-        let values: Vec<f32> = (0..size * size)
-            .map(|_| if ones { 1.0 } else { random.next() as f32 })
-            .collect();
+        let values: Vec<f32> =
+            (0..size * size).map(|_| if ones { 1.0 } else { random.next() as f32 }).collect();
         let table = read_u32_texture(&gpu, &sat(&gpu, 1, numbers, size, &values), 0).expect("read");
         let scale = numbers.scale() as f32;
         let side = size as usize;
@@ -99,8 +98,9 @@ fn windows_of_an_integer_table_are_exact_also_after_it_has_wrapped() {
             whole
         };
         let exact = |[x0, y0, x1, y1]: [usize; 4]| {
-            let at =
-                |x: usize, y: usize| if x == 0 || y == 0 { 0 } else { whole[(y - 1) * side + x - 1] };
+            let at = |x: usize, y: usize| {
+                if x == 0 || y == 0 { 0 } else { whole[(y - 1) * side + x - 1] }
+            };
             at(x1 + 1, y1 + 1) + at(x0, y0) - at(x0, y1 + 1) - at(x1 + 1, y0)
         };
         for _ in 0..100_000 {
@@ -138,12 +138,12 @@ fn sums_of_floats_are_off_by_their_bound_at_most_and_constant_planes_show_it() {
         let mut worst = 0.0f64;
         for y in 0..side {
             let mut row = [0.0; 2];
-            for x in 0..side {
+            for (x, above) in above.iter_mut().enumerate() {
                 for c in 0..2 {
                     let i = 2 * (y * side + x) + c;
                     row[c] += f64::from(values[i]);
-                    above[x][c] += row[c];
-                    let error = (f64::from(table[i]) - above[x][c]).abs() / above[x][c];
+                    above[c] += row[c];
+                    let error = (f64::from(table[i]) - above[c]).abs() / above[c];
                     worst = worst.max(error / sat_rounding(size));
                 }
             }
@@ -273,7 +273,11 @@ fn an_n_buffer_holds_every_window_of_a_power_of_two() {
                         // Where all beyond is left out; zeros would count among the least.
                         if beyond == Beyond::Repeat {
                             let found = [range[2 * at], range[2 * at + 1]].map(f64::from);
-                            assert_eq!(found, [least, most], "{size}, {anchor:?}, {level}: {x} {y}");
+                            assert_eq!(
+                                found,
+                                [least, most],
+                                "{size}, {anchor:?}, {level}: {x} {y}"
+                            );
                         }
                         let inside = |a: i64| a >= 0 && a + wide <= side;
                         if anchor == Anchor::Corner || (inside(first.0) && inside(first.1)) {

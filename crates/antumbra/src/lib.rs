@@ -156,10 +156,13 @@ techniques! {
     PcfAdaptive(antumbra_filter::PcfAdaptive) = "filter/pcf-adaptive",
     #[cfg(feature = "filter")]
     /// Taps shared out among neighbouring pixels.
-    PcfInterleaved(antumbra_filter::PcfInterleaved) = "filter/pcf-interleaved",
+    Interleaved(antumbra_filter::Interleaved) = "filter/interleaved",
     #[cfg(feature = "filter")]
     /// The pixel's footprint in the map.
     PcfFootprint(antumbra_filter::PcfFootprint) = "filter/pcf-footprint",
+    #[cfg(feature = "filter")]
+    /// The least and the largest depth of a kernel.
+    MultipleDepth(antumbra_filter::MultipleDepth) = "filter/multiple-depth",
     #[cfg(feature = "filter")]
     /// Variance shadow maps.
     Vsm(antumbra_filter::Vsm) = "filter/vsm",

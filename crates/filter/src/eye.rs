@@ -1,24 +1,26 @@
 //! The camera, for estimators whose kernel is the pixel's footprint in the map.
 
 use antumbra_gpu::{BindGroupCache, Frame, Gpu, ViewCamera, ViewSamples, bind, entries};
-use glam::Mat4;
+use glam::{DVec4, Mat4};
 
-/// Layout of `Eye` in `filter/footprint.wesl` and `filter/interleaved_mean.wesl`.
+/// Layout of `Eye` in `filter/interleaved_mean.wesl`, and, but for the light, in `filter/footprint.wesl`.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct EyeUniform {
     clip: [f32; 16],
     view: [f32; 4],
+    light: [f32; 4],
 }
 
 impl EyeUniform {
-    pub(crate) fn new(camera: Option<&ViewCamera>, samples: &ViewSamples) -> Self {
+    pub(crate) fn new(camera: Option<&ViewCamera>, samples: &ViewSamples, light: DVec4) -> Self {
         let (width, height) = samples.size();
         let clip = camera.map_or(Mat4::ZERO, |camera| camera.clip.as_mat4());
         let there = if camera.is_some() { 1.0 } else { 0.0 };
         Self {
             clip: clip.to_cols_array(),
             view: [0.5 * width as f32, 0.5 * height as f32, there, 0.0],
+            light: light.as_vec4().to_array(),
         }
     }
 
@@ -55,7 +57,7 @@ impl Eye {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) {
-        let uniform = EyeUniform::new(frame.camera.as_ref(), frame.samples);
+        let uniform = EyeUniform::new(frame.camera.as_ref(), frame.samples, DVec4::ZERO);
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         let key = [frame.samples.positions_view.clone(), frame.samples.normals_view.clone()];
         self.group.get(key, |[positions, normals]| {

