@@ -77,6 +77,12 @@ pub fn permutations() -> Vec<Permutation> {
     ] {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
     }
+    let block = "const BLOCK: i32 = 4;\nconst FLATNESS: f32 = 0.1;";
+    all.push(Permutation {
+        name: "filter-interleaved-mean".to_owned(),
+        root: "filter::interleaved_mean",
+        slots: vec![source("config", block)],
+    });
     for (layout, slots) in layouts() {
         all.push(Permutation {
             name: format!("map-sampling-error-{layout}"),
@@ -100,6 +106,8 @@ pub fn permutations() -> Vec<Permutation> {
             slots: vec![module("below", below)],
         });
     }
+    all.extend(tables());
+    all.extend(pyramids());
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
             let mut slots = slots.clone();
@@ -123,6 +131,16 @@ fn blurs() -> Vec<Permutation> {
         ("vsm-slope", "filter::from_depth_slope", "filter::encoding::variance", sum, "rg32float"),
         ("lvsm", depth, "filter::encoding::layered", sum, "rg32float"),
         ("esm", depth, "filter::encoding::depth", "gpu::mean::exponential", "r32float"),
+        (
+            "esm-fallback",
+            depth,
+            "filter::encoding::depth_twice",
+            "gpu::mean::exponential_and_largest",
+            "rg32float",
+        ),
+        ("depth", depth, "filter::encoding::depth", sum, "r32float"),
+        ("depth-range", depth, "filter::encoding::depth_twice", "gpu::mean::min_max", "rg32float"),
+        ("waves", depth, "filter::encoding::waves", sum, "rgba8unorm"),
         ("evsm", depth, "filter::encoding::warped", sum, "rgba32float"),
         ("msm", depth, "filter::encoding::moments", sum, "rgba32float"),
         ("msm-16", "gpu::stored_texel", "filter::encoding::moments_16", sum, "rg32uint"),
@@ -135,11 +153,54 @@ fn blurs() -> Vec<Permutation> {
             module("encoding", encoding),
             module("mean", mean),
             source("target", blur_target(format)),
-            source("blur_config", "const RADIUS: i32 = 2;\nconst AXIS: vec2i = vec2i(1, 0);"),
+            source("blur_config", "const RADIUS: i32 = 2;"),
+            source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
             filtered_constants(false),
         ],
     })
     .into()
+}
+
+/// Passes that make summed-area tables: along rows of encoded texels, and along columns of what came of these.
+fn tables() -> Vec<Permutation> {
+    [
+        ("fixed-rows", "gpu::sat_encoded", "gpu::sat_fixed", "rg32uint"),
+        ("fixed-columns", "gpu::sat_stored", "gpu::sat_fixed", "rg32uint"),
+        ("float-rows", "gpu::sat_encoded", "gpu::sat_float", "rg32float"),
+        ("float-columns", "gpu::sat_stored", "gpu::sat_float", "rg32float"),
+    ]
+    .map(|(name, summand, numbers, format)| Permutation {
+        name: format!("gpu-sat-{name}"),
+        root: "gpu::sat",
+        slots: vec![
+            module("texel", "filter::from_depth"),
+            module("encoding", "filter::encoding::variance_fixed"),
+            module("numbers", numbers),
+            module("summand", summand),
+            source("target", table_target(format)),
+            source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
+            source("sat_config", "const SCALE: f32 = 8388607.0;"),
+        ],
+    })
+    .into()
+}
+
+/// Passes that make mipmaps and N-buffers.
+fn pyramids() -> Vec<Permutation> {
+    let roots = ["gpu::mip_base", "gpu::mip", "gpu::nbuffer"];
+    let means = [("average", "gpu::mean::arithmetic"), ("min-max", "gpu::mean::min_max")];
+    let of_a_mean = |(name, mean): (&'static str, &'static str)| {
+        roots.map(|root| Permutation {
+            name: format!("{}-{name}", file_name(root)),
+            root,
+            slots: vec![
+                module("texel", "gpu::stored_texel"),
+                module("mean", mean),
+                source("target", blur_target("rg32float")),
+            ],
+        })
+    };
+    means.into_iter().flat_map(of_a_mean).collect()
 }
 
 /// Constants of every filtered technique; each uses a few.
@@ -159,12 +220,25 @@ fn filtered_constants(both: bool) -> Slot {
         ("DEVIATION", 5e-5),
         ("MOMENT_BIAS", 6e-5),
         ("MOMENT_TARGET", 0.628),
+        ("ORDER", 16.0),
+        ("SQUEEZE", 0.9),
+        ("DAMPING", 1.0),
+        ("OFFSET", 0.0),
+        ("SCALE", 2.0),
+        ("WIDTH", 0.1),
+        ("MARGIN", 1e-4),
+        ("HALF", 1.0),
+        ("MOST", 8.0),
     ];
     let mut text = String::new();
     for (name, value) in numbers {
         text += &format!("const {name}: f32 = {value:?};\n");
     }
-    text += &format!("const BOTH: bool = {both};\n");
+    text += &format!(
+        "const BOTH: bool = {both};\nconst ALL: bool = true;\nconst FOLLOW: bool = true;\n"
+    );
+    text += "const OWN: bool = true;\n";
+    text += "const SLICES: i32 = 8;\nconst TEXELS: i32 = 2;\nconst WEIGHTS = array<f32, 3>(0.0, 1.0, 0.0);\n";
     source("config", text)
 }
 
@@ -181,6 +255,17 @@ pub fn blur_target(name: &str) -> String {
         "@group(0) @binding(1) var output: texture_storage_2d_array<{name}, write>;\n\
          fn put(at: vec2i, layer: i32, value: vec4f) {{\n\
          textureStore(output, at, layer, {value});\n}}"
+    )
+}
+
+/// As [`blur_target`] for tables of sums, whose integers are written as they are.
+#[must_use]
+pub fn table_target(name: &str) -> String {
+    let value = if name.ends_with("uint") { "vec4u" } else { "vec4f" };
+    format!(
+        "@group(0) @binding(1) var output: texture_storage_2d_array<{name}, write>;\n\
+         fn put(at: vec2i, layer: i32, value: {value}) {{\n\
+         textureStore(output, at, layer, value);\n}}"
     )
 }
 
@@ -212,11 +297,26 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         ("evsm-2", "filter::texels", "filter::evsm", false),
         ("msm", "filter::texels", "filter::msm", false),
         ("msm-16", "filter::texels_16", "filter::msm", false),
+        ("esm-fallback", "filter::texels", "filter::esm_fallback", false),
+        ("convolution", "filter::texels", "filter::convolution", false),
+        ("multiple-depth", "filter::texels", "filter::multiple_depth", false),
+        ("blurred-depth", "filter::texels", "filter::blurred_depth", false),
+        ("soft-comparison", "filter::texels", "filter::soft_comparison", false),
+        ("savsm", "filter::table_fixed", "filter::savsm", false),
+        ("savsm-float", "filter::table_float", "filter::savsm", false),
+        ("pcf-footprint", "common::depth_map", "filter::pcf_footprint", false),
     ] {
         let slots =
             vec![module("store", store), module("estimator", estimator), filtered_constants(both)];
         all.push((name, slots));
     }
+    let parts = poisson_constants(&[[0.0, 1.0]; 4], 2.0);
+    let parts =
+        format!("{parts}\nconst BLOCK: u32 = 2u;\nconst TAPS: i32 = 1;\nconst PARTS: i32 = 1;");
+    all.push((
+        "interleaved",
+        vec![loaded.clone(), module("estimator", "filter::interleaved"), source("config", parts)],
+    ));
     let cubic = kernel("filter::kernel::cubic");
     all.push(("cubic", vec![loaded.clone(), separable.clone(), cubic]));
     let points = poisson_constants(&[[0.0, 1.0], [0.5, -0.5]], 2.0);

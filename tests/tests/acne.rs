@@ -42,7 +42,7 @@ fn suspects(truth: &Truth, visibility: &[f32]) -> (Vec<usize>, usize) {
 }
 
 /// The view of the map in which a point lies: the only one, or the cube's face.
-fn view_of<'a>(views: &'a [FittedView], p: DVec3) -> Option<&'a FittedView> {
+fn view_of(views: &[FittedView], p: DVec3) -> Option<&FittedView> {
     let index = if views.len() == 1 {
         0
     } else {

@@ -5,6 +5,19 @@ use antumbra_map::{Estimator, MapConfig};
 
 use crate::prefilter::Prefilter;
 
+/// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Kernel {
+    pub(crate) reach: f64,
+    pub(crate) spread: f64,
+}
+
+impl From<&Prefilter> for Kernel {
+    fn from(filter: &Prefilter) -> Self {
+        Self { reach: filter.reach(), spread: filter.spread() }
+    }
+}
+
 /// A bound and the settings on which its leak depends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bound {
@@ -45,11 +58,12 @@ const WRONG: f64 = 1e-5;
 
 pub(crate) fn expectation(
     map: &MapConfig,
-    filter: &Prefilter,
+    kernel: impl Into<Kernel>,
     bound: Bound,
     case: &str,
 ) -> Option<Expectation> {
-    let radius = filter.reach();
+    let kernel = kernel.into();
+    let radius = kernel.reach;
     let estimator = Estimator { radius: radius as f32, ..Estimator::nearest() };
     // Bounds leak there, or linear depth over the case's range is too coarse: by how much is not derived yet.
     let unsaid = [
@@ -93,12 +107,12 @@ pub(crate) fn expectation(
             let (deep, wide) = (std::f64::consts::SQRT_2, 2.0 * texel);
             let range = deep + wide;
             // Depth changes by as much as one goes to the side.
-            let spread = filter.spread() * wide / size / range;
+            let spread = kernel.spread * wide / size / range;
             leaky(exact, bound, size, 1.0 - deep / range, 1.0, spread)
         }
         "HC-04 thin wall" | "HC-05 cube" => match bound {
             Bound::Moments { .. } | Bound::Layers { .. } => {
-                Expectation::Holds { bound: contact(filter) * texel }
+                Expectation::Holds { bound: contact(kernel) * texel }
             }
             _ => exact,
         },
@@ -137,7 +151,7 @@ fn leaky(
 /// the map is as wide as 1 / sqrt 2 of a texel of floor. The receiver is moved towards the light by the plane's
 /// slope, 1, over the kernel's reach, and the cone's, 2 an axis, over its spread. Beyond that, as for
 /// comparisons, 2 texels and the reach, and a spread more for the slope of the wall itself within the kernel.
-fn contact(filter: &Prefilter) -> f64 {
-    let moved = 0.5 * (filter.reach() + 8f64.sqrt() * filter.spread());
-    2.0 + filter.reach() + moved + filter.spread()
+fn contact(Kernel { reach, spread }: Kernel) -> f64 {
+    let moved = 0.5 * (reach + 8f64.sqrt() * spread);
+    2.0 + reach + moved + spread
 }

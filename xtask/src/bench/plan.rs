@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use antumbra::{Config, catalogue};
-use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
+use antumbra_filter::{
+    Esm, Fallback, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm, Table,
+};
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use antumbra_soft::{Bitmask, Occluders, Pcss};
@@ -124,6 +126,7 @@ fn entries() -> Vec<Entry> {
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
             variant("tetrahedron", plain(Omni::Tetrahedron)),
@@ -154,6 +157,9 @@ fn entries() -> Vec<Entry> {
             variant("closed", bitmask(Occluders::ClosedMicropatch)),
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
+            variant("overflow", fallback(Fallback::Overflow)),
+            variant("deeper", fallback(Fallback::Deeper)),
+            variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
         ])
         .collect()
 }
