@@ -70,20 +70,24 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
     assert!(surprises.is_empty(), "not as expected:\n{}", surprises.join("\n"));
 }
 
-/// Techniques of which something is said on some cases only, as yet: all that do not compare depths.
-fn is_judged_in_part(config: &Config) -> bool {
-    config.id() != "map/plain" && !config.id().starts_with("filter/pcf")
-}
+/// What nobody has said yet: pairs of a technique and a case that are measured and not judged.
+const UNSAID: &[(&str, &str)] = &[
+    ("map/planar", "HC-17 beyond the far plane"),
+    ("map/shadow-texture", "HC-17 beyond the far plane"),
+    ("map/disc", "HC-17 beyond the far plane"),
+    ("map/disc", "HC-23 light in the near plane"),
+    ("map/second-depth", "HC-23 light in the near plane"),
+];
 
 #[test]
-fn of_depth_maps_something_is_said_on_every_case() {
+fn something_is_said_of_every_technique_on_every_case() {
     let silent = |config: &Config| -> Vec<&str> {
         let unsaid = CASES.iter().filter(|case| config.expectation(case.name).is_none());
-        unsaid.map(|case| case.name).collect()
+        let named = unsaid.map(|case| case.name);
+        named.filter(|name| !UNSAID.contains(&(config.id(), name))).collect()
     };
     let all: Vec<String> = techniques(1024)
         .iter()
-        .filter(|config| !is_judged_in_part(config))
         .map(|config| (config, silent(config)))
         .filter(|(_, cases)| !cases.is_empty())
         .map(|(config, cases)| format!("{config:?}: {cases:?}"))

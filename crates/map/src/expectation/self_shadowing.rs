@@ -13,10 +13,8 @@ fn texel(size: u32) -> f64 {
     size / (size - 4.0).max(1.0)
 }
 
+/// On cases where nothing that is lit casts towards what is looked at, the ways around self-shadowing have nothing to do.
 fn plain(size: u32, case: &str) -> Option<Expectation> {
-    if super::is_unsaid(case) {
-        return None;
-    }
     depth_map(crate::Omni::default(), &Estimator::nearest(), size, case)
 }
 
@@ -31,18 +29,17 @@ fn wider(size: u32, case: &str, more: f64) -> Option<Expectation> {
 pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectation> {
     let size = f64::from(config.size);
     let texel = texel(config.size);
+    let without = |at_least: f64, at_most: f64| KnownLimit {
+        at_least,
+        at_most,
+        because: "a single sheet whose front faces the light has no second surface",
+    };
     // The whole shadow is missing: the sample farthest from the edge is wrong, to within a quarter for the
     // few that lie in the middle.
-    let missing = |farthest: f64| KnownLimit {
-        at_least: 0.75 * farthest,
-        at_most: farthest,
-        because: "a single sheet whose front faces the light has no second surface",
-    };
-    let half_wrong = KnownLimit {
-        at_least: 0.5,
-        at_most: 0.5,
-        because: "a single sheet whose front faces the light has no second surface",
-    };
+    let missing = |farthest: f64| without(0.75 * farthest, farthest);
+    let half_wrong = without(0.5, 0.5);
+    // All that is in shadow is lit, a part of the picture or of the samples.
+    let some_wrong = without(f64::MIN_POSITIVE, 1.0);
     Some(match case {
         // Front and back of an acute edge can both turn away from the light on the way to it; then a texel's
         // back face is nearer than a front within a texel of the limb. Of the four bodies the tetrahedron has
@@ -63,7 +60,24 @@ pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectati
         "HC-06 open sheet"
         | "HC-07 post under a lid"
         | "HC-13 depth precision"
-        | "HC-13 depth precision, near caster" => half_wrong,
+        | "HC-13 depth precision, near caster"
+        | "HC-38 depth along a long edge" => half_wrong,
+        "HC-12 two triangles below the light"
+        | "HC-15 eye in shadow"
+        | "HC-16 boundary near the eye"
+        | "HC-16 boundary through the eye"
+        | "HC-18 sheets"
+        | "HC-18 256 sheets"
+        | "HC-25 caster not seen" => some_wrong,
+        // All of the shadow is missing; on small maps none of it is judged.
+        "HC-23 light in the near plane" => return None,
+        // As above, of shadows that are narrower than the map, at samples that lie where the pixels do.
+        "HC-02 in view"
+        | "HC-23 light at the eye"
+        | "HC-25 caster out of sight"
+        | "HC-19 three and four triangles on an edge"
+        | "HC-20 winding without a side"
+        | "HC-22 vertex on an edge" => without(texel, size),
         "HC-04 thin wall" | "HC-05 cube" => {
             // A bias of b metres of depth opens b cos 45 degrees of floor, of 2.01 m or 2 m a map.
             let side = if case.starts_with("HC-04") { 2.01 } else { 2.0 };
@@ -151,6 +165,13 @@ fn virtual_occluder(map_size: u32, limit: f64, case: &str) -> Option<Expectation
             at_most: 0.13,
             because: "what stands in the upper half of the space between the two layers is lit",
         },
+        // Nothing lies behind the square, so that the map's end stands for it, 28 m off at the square's corners: halfway
+        // there the occluder is farther than the floor of which all is dark, a half of what is looked at.
+        "HC-12 two triangles below the light" => KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: 0.5,
+            because: "the end of the map stands for a second layer, and halfway to it lies beyond the floor",
+        },
         "HC-08 sphere's limb" => {
             if limit.is_finite() {
                 limb_of_steep(size, texel, limit)
@@ -208,6 +229,10 @@ pub(crate) fn slope_bias(config: &SlopeBias, case: &str) -> Option<Expectation> 
         // floor; `factor` texels of sqrt(1/2) each are hidden on the first `factor` / 2.
         "HC-04 thin wall" | "HC-05 cube" => return wider(config.size, case, 0.5 * factor),
         "HC-08 sphere's limb" => Holds { bound: 2.0 * texel(config.size) },
+        // As under HC-01's slanting sun, which is one of the lights; and sheets that slope beyond the map's end.
+        "HC-25 caster out of sight" | "HC-20 winding without a side" => {
+            return wider(config.size, case, factor);
+        }
         // Nothing at the lookup, and steps that are relative to the depth: what the plain map lacks here.
         "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
         "HC-31 wire below a texel" => {

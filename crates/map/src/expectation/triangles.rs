@@ -15,9 +15,6 @@ fn texel(size: u32, reach: u32) -> f64 {
 
 /// The plain map's, of a kernel that reaches as far.
 fn plain(size: u32, reach: u32, case: &str) -> Option<Expectation> {
-    if super::is_unsaid(case) {
-        return None;
-    }
     depth_map(
         crate::Omni::default(),
         &Estimator { radius: 0.5 + reach as f32, ..Estimator::nearest() },
@@ -93,6 +90,14 @@ pub(crate) fn polygon_id(config: &PolygonId, case: &str) -> Option<Expectation> 
         "HC-13 depth precision" if alone => along_edges(f64::MIN_POSITIVE, 0.5 * texel / size),
         // The same, where positions 500 m from the origin are known to a millimetre, which is a texel.
         "HC-13 depth precision, near caster" => Holds { bound: 0.5 * texel / size },
+        // The diagonal of the wall, at most the map's, half of a texel wide in the mean; twice for uneven phases.
+        "HC-17 beyond the far plane" if alone => {
+            along_edges(f64::MIN_POSITIVE, std::f64::consts::SQRT_2 * texel / size)
+        }
+        // The same of a plate at 9 m, in a map as wide as the quad is at 1 m.
+        "HC-38 depth along a long edge" if alone => {
+            along_edges(f64::MIN_POSITIVE, std::f64::consts::SQRT_2 * 9.0 * texel / size)
+        }
         _ => return plain(config.size, config.reach, case),
     })
 }

@@ -35,12 +35,50 @@ pub(super) fn planar(case: &str) -> Option<Expectation> {
         | "HC-05 cube"
         | "HC-13 depth precision"
         | "HC-13 depth precision, near caster"
+        | "HC-06 open sheet"
+        | "HC-07 post under a lid"
+        | "HC-08 sphere's limb"
+        | "HC-09 boxes in each other"
+        | "HC-10 triangles below a texel"
+        | "HC-11 seams of a cube"
+        | "HC-11 seams of a tetrahedron"
+        | "HC-11 seams of an isocube"
+        | "HC-11 seams of a paraboloid"
+        | "HC-12 two triangles below the light"
         | "HC-31 wire below a texel"
+        | "HC-38 depth along a long edge"
         | "HC-40 casters out of view" => Refuses {
             because: "flattened casters are drawn from the camera, and the case's samples have none",
         },
+        // Floors in view, decided at the view samples themselves; a map of 1024 texels over 2 m has one every 2 mm, which
+        // is what an edge moves on the floor.
+        "HC-19 three and four triangles on an edge"
+        | "HC-20 winding without a side"
+        | "HC-22 vertex on an edge" => Holds { bound: 1.0 },
+        "HC-15 eye in shadow"
+        | "HC-16 boundary near the eye"
+        | "HC-16 boundary through the eye"
+        | "HC-18 sheets"
+        | "HC-18 256 sheets"
+        | "HC-21 light in the plane"
+        | "HC-23 lamp at the eye, in view"
+        | "HC-23 light in the near plane"
+        | "HC-24 lamp in a cube, in view"
+        | "HC-24 light at a corner"
+        | "HC-25 caster not seen" => Holds { bound: 0.0 },
+        "HC-39 creeping camera" => drawn_from_the_camera(),
+        // HC-17: only planes that bound the scene receive, and not the wall; on small maps none of its shadow is judged.
         _ => return None,
     })
+}
+
+/// HC-39, whose samples are the same in each frame.
+fn drawn_from_the_camera() -> Expectation {
+    KnownLimit {
+        at_least: f64::MIN_POSITIVE,
+        at_most: 1.0,
+        because: "shadows are drawn from the camera for its own pixels, and the case's samples stand still",
+    }
 }
 
 /// HC-22: the rasteriser leaves at most a sliver of 2/256 texel open along the junction, on which a texel's centre
@@ -55,6 +93,8 @@ pub(crate) fn isolated(radius: f64, size: f64) -> f64 {
 /// Shadow textures. A mask above a plane says at each texel what a depth map that is compared with the plane says.
 pub(super) fn shadow_texture(config: &ShadowTexture, case: &str) -> Option<Expectation> {
     match case {
+        // As above.
+        "HC-17 beyond the far plane" => None,
         "HC-13 depth precision, near caster" => Some(KnownLimit {
             at_least: 0.5,
             at_most: 0.5,
@@ -136,6 +176,49 @@ pub(super) fn disc(case: &str) -> Option<Expectation> {
         },
         // The cubes' discs are fully dark and end within the bands that the case leaves out.
         "HC-40 casters out of view" => Holds { bound: 0.0 },
+        "HC-20 winding without a side" | "HC-22 vertex on an edge" => shapeless,
+        // A disc comes nearer to triangles that stand upright around an edge: a thirtieth of the caster.
+        "HC-19 three and four triangles on an edge" => KnownLimit {
+            at_least: 2.0,
+            at_most: f64::INFINITY,
+            because: "a disc is not the caster's shape, and is wrong by a share of the caster's size",
+        },
+        "HC-06 open sheet"
+        | "HC-09 boxes in each other"
+        | "HC-15 eye in shadow"
+        | "HC-16 boundary near the eye"
+        | "HC-16 boundary through the eye"
+        | "HC-18 sheets"
+        | "HC-18 256 sheets"
+        | "HC-25 caster not seen" => KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: 1.0,
+            because: "a disc is not the caster's shape, and is wrong on a share of the picture",
+        },
+        "HC-24 lamp in a cube, in view" => KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: 1.0,
+            because: "a disc ends, where the shadow around a light in a box does not",
+        },
+        "HC-07 post under a lid" | "HC-38 depth along a long edge" => KnownLimit {
+            at_least: 0.5,
+            at_most: 0.5,
+            because: "only planes that bound the scene receive: not the post or the plate, half of the samples",
+        },
+        // HC-17: as above. HC-23 in the near plane: a disc is nearly right there, and on small maps wholly.
+        // No plane receives what nothing casts, and under the square of 40 m all that is looked at is dark.
+        "HC-08 sphere's limb"
+        | "HC-10 triangles below a texel"
+        | "HC-12 two triangles below the light"
+        | "HC-21 light in the plane"
+        | "HC-23 lamp at the eye, in view"
+        | "HC-24 light at a corner" => Holds { bound: 0.0 },
+        // A disc knows no seams; a tenth is left to chance, as for maps.
+        "HC-11 seams of a cube"
+        | "HC-11 seams of a tetrahedron"
+        | "HC-11 seams of an isocube"
+        | "HC-11 seams of a paraboloid" => Holds { bound: 0.1 },
+        "HC-39 creeping camera" => Holds { bound: 0.0 },
         _ => return None,
     })
 }
