@@ -169,6 +169,9 @@ techniques! {
     #[cfg(feature = "filter")]
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
+    #[cfg(feature = "sampling")]
+    /// The view's samples in place of a map's.
+    ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
     #[cfg(feature = "volume")]
     /// Each triangle's shadow volume asked whether it contains the sample.
     VolumeTriangle(antumbra_volume::Triangle) = "volume/triangle",
