@@ -75,3 +75,35 @@ fn the_grid_changes_nothing() {
         }
     }
 }
+
+#[test]
+fn debug_terrain() {
+    use glam::DVec3;
+    let gpu = gpu();
+    let scene = generate::by_name("terrain").expect("a scene");
+    let stage = stage(&gpu, &scene, 128);
+    for kind in LIGHTS {
+        let light = scene.light_or_placed(kind);
+        let shot = shoot(&gpu, &stage, &light, 32);
+        let mut asked = Triangle::default().build(&gpu).expect("built");
+        let asked = stage.shoot(&gpu, &light, asked.as_mut(), 0).expect("a shot").visibility;
+        let truth = stage.truth(&light, &TIES);
+        let at = antumbra_volume::homogeneous_light(&stage.frame(&light)).as_dvec4();
+        for i in 0..truth.visibility.len() {
+            if truth.class[i] == SampleClass::Counted && truth.visibility[i] != shot.visibility[i] {
+                let p = stage.image.positions[i].as_dvec3();
+                println!("{kind:?} {i} p {p} n {} truth {} found {} oracle {}", stage.image.normals[i], truth.visibility[i], shot.visibility[i], asked[i]);
+                for t in &stage.triangles.triangles {
+                    let c = t.map(|v| stage.triangles.positions[v as usize].as_dvec3());
+                    if let Some(v) = antumbra_volume::twin::Volume::new(at, c) {
+                        let d = v.distances(p);
+                        if d.iter().all(|d| *d < 1e-5) {
+                            println!("  triangle {c:?} distances {d:?} n {}", (c[1]-c[0]).cross(c[2]-c[0]).normalize());
+                        }
+                    }
+                }
+            }
+        }
+        let _ = DVec3::ZERO;
+    }
+}
