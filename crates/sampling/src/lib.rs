@@ -3,6 +3,6 @@
 //!
 //! What is a layout here ([`antumbra_map::Arrange`]) serves every estimator and every store.
 
-mod view_samples;
+pub mod view_samples;
 
-pub use view_samples::{Face, Grid, ViewSampleMap, ViewSampleMapping};
+pub use view_samples::{ViewSampleMap, ViewSampleMapping};

@@ -3,6 +3,7 @@
 mod expectation;
 mod grid;
 mod lists;
+pub mod twin;
 
 use antumbra_gpu::{
     BindGroupCache, CasterTriangles, Counters, Expectation, Frame, Gpu, GpuError, Recorder, Scan,
@@ -208,8 +209,7 @@ impl ViewSampleMap {
         visibility: &wgpu::TextureView,
     ) -> wgpu::BindGroup {
         let samples = frame.samples;
-        let buffers =
-            [&lists.buckets, &lists.places, &lists.listed, &lists.dark, &lists.state];
+        let buffers = [&lists.buckets, &lists.places, &lists.listed, &lists.dark, &lists.state];
         let views = [&samples.positions_view, &samples.normals_view, visibility];
         let key = (buffers.map(Clone::clone), views.map(Clone::clone));
         let group = self.list_group.get(key, |(buffers, [positions, normals, output])| {
@@ -286,9 +286,9 @@ fn triangles<'a>(frame: &Frame<'a>) -> Result<CasterTriangles<'a>, GpuError> {
 
 impl Technique for ViewSampleMap {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        self.prepared = None;
         check_light(frame.light)?;
         triangles(frame)?;
-        self.prepared = None;
         let grid = self.fitter.fit(frame, self.side(frame))?;
         let (width, height) = frame.samples.size();
         let buckets = grid.side * grid.side * grid.faces.len() as u32;
@@ -304,8 +304,7 @@ impl Technique for ViewSampleMap {
         let across = groups.min(gpu.device.limits().max_compute_workgroups_per_dimension);
         let groups = [across, if across == 0 { 0 } else { groups.div_ceil(across) }];
         let pieces = lists.extent.pieces;
-        let uniform =
-            GridUniform::new(&grid, (width, height), (entries, across * GROUP), pieces);
+        let uniform = GridUniform::new(&grid, (width, height), (entries, across * GROUP), pieces);
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         gpu.queue.write_buffer(&self.room, 0, bytemuck::bytes_of(&[pieces, 0, 0, 0]));
         gpu.queue.write_buffer(&lists.blocks, 0, bytemuck::cast_slice(&self.fitter.blocks));

@@ -1,9 +1,9 @@
 //! The light's grid of buckets: its projections, fitted as those of a shadow map, and the casters of each.
 
 use antumbra_gpu::{Frame, Gpu, GpuError, LightView, bind, light_view_layout};
-use antumbra_map::{Fitting, SeenView, ShadowMap, Sight, VisibleRegion, fit_seen};
+use antumbra_map::{Fitting, ShadowMap, Sight, VisibleRegion, fit_seen};
 use antumbra_scene::Bounds;
-use glam::{DMat3, DVec3, DVec4, Mat4};
+use glam::{DMat3, DMat4, DVec3, DVec4, Mat4};
 
 /// Most faces that a light has.
 pub(super) const FACES: usize = 6;
@@ -39,9 +39,9 @@ pub struct Face {
 }
 
 impl Face {
-    /// The face with the clip matrix of `view`, whose light is `light`, over `side` x `side` buckets.
-    fn new(view: &SeenView, light: DVec4, side: u32) -> Option<Self> {
-        let clip = view.view.clip?;
+    /// The face whose clip matrix is `clip`, under `light`, over `side` x `side` buckets. `None` where the matrix is no
+    /// projection.
+    pub(super) fn of(clip: DMat4, light: DVec4, side: u32) -> Option<Self> {
         let half = 0.5 * f64::from(side);
         let w = clip.row(3);
         let (mut across, mut along, mut distance) =
@@ -50,7 +50,8 @@ impl Face {
         let third = if light.w == 0.0 {
             // Rounding has turned the light a little. What it casts onto one point is to have one place.
             for row in [&mut across, &mut along] {
-                let turned = row.truncate() - towards * (row.truncate().dot(towards) / towards.length_squared());
+                let turned = row.truncate()
+                    - towards * (row.truncate().dot(towards) / towards.length_squared());
                 *row = turned.extend(row.w);
             }
             towards
@@ -67,7 +68,7 @@ impl Face {
             inverse.z_axis
         };
         let steps = [inverse.x_axis, inverse.y_axis];
-        Some(Self { across, along, distance, origin, steps })
+        inverse.is_finite().then_some(Self { across, along, distance, origin, steps })
     }
 
     /// Bucket coordinates of a point relative to the light (to the origin under parallel light), if it lies before it.
@@ -199,14 +200,18 @@ impl Fitter {
                 volume: &view.volume,
             };
             frame.casters.ranges(&light_view, &mut |range| {
-                blocks.extend(range.clone().step_by(BLOCK as usize).map(|first| {
-                    [first, (range.end - first).min(BLOCK) + 64 * index as u32]
-                }));
+                blocks.extend(
+                    range
+                        .clone()
+                        .step_by(BLOCK as usize)
+                        .map(|first| [first, (range.end - first).min(BLOCK) + 64 * index as u32]),
+                );
             });
         }
         // As the shaders have it, so that both speak of the same rays.
         let light = views[0].view.light.as_vec4().as_dvec4();
-        let faces = views.iter().map(|view| Face::new(view, light, side)).collect();
+        let face = |clip: Option<DMat4>| Face::of(clip?, light, side);
+        let faces = views.iter().map(|view| face(view.view.clip)).collect();
         Ok(Grid { light, side, faces })
     }
 
