@@ -15,6 +15,7 @@ mod permutations;
 
 pub use permutations::{
     Permutation, blur_target, castano_constants, castano_core, permutations, poisson_constants,
+    table_target,
 };
 
 // Every module: its path below the package (`common::lookup`) and its source; made by build.rs of the

@@ -80,6 +80,12 @@ pub fn permutations() -> Vec<Permutation> {
     ] {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
     }
+    let block = "const BLOCK: i32 = 4;\nconst FLATNESS: f32 = 0.1;";
+    all.push(Permutation {
+        name: "filter-interleaved-mean".to_owned(),
+        root: "filter::interleaved_mean",
+        slots: vec![source("config", block)],
+    });
     for (layout, slots) in layouts() {
         all.push(Permutation {
             name: format!("map-sampling-error-{layout}"),
@@ -88,6 +94,23 @@ pub fn permutations() -> Vec<Permutation> {
         });
     }
     all.extend(blurs());
+    for (name, mut slots) in soft() {
+        slots.push(module("layout", "soft::layout_turned"));
+        all.push(Permutation {
+            name: format!("map-resolve-turned-{name}"),
+            root: "map::resolve",
+            slots,
+        });
+    }
+    for (name, below) in [("map", "soft::below_map"), ("level", "soft::below_level")] {
+        all.push(Permutation {
+            name: format!("soft-pyramid-from-{name}"),
+            root: "soft::pyramid",
+            slots: vec![module("below", below)],
+        });
+    }
+    all.extend(tables());
+    all.extend(pyramids());
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
             let mut slots = slots.clone();
@@ -111,6 +134,16 @@ fn blurs() -> Vec<Permutation> {
         ("vsm-slope", "filter::from_depth_slope", "filter::encoding::variance", sum, "rg32float"),
         ("lvsm", depth, "filter::encoding::layered", sum, "rg32float"),
         ("esm", depth, "filter::encoding::depth", "gpu::mean::exponential", "r32float"),
+        (
+            "esm-fallback",
+            depth,
+            "filter::encoding::depth_twice",
+            "gpu::mean::exponential_and_largest",
+            "rg32float",
+        ),
+        ("depth", depth, "filter::encoding::depth", sum, "r32float"),
+        ("depth-range", depth, "filter::encoding::depth_twice", "gpu::mean::min_max", "rg32float"),
+        ("waves", depth, "filter::encoding::waves", sum, "rgba8unorm"),
         ("evsm", depth, "filter::encoding::warped", sum, "rgba32float"),
         ("msm", depth, "filter::encoding::moments", sum, "rgba32float"),
         ("msm-16", "gpu::stored_texel", "filter::encoding::moments_16", sum, "rg32uint"),
@@ -123,11 +156,54 @@ fn blurs() -> Vec<Permutation> {
             module("encoding", encoding),
             module("mean", mean),
             source("target", blur_target(format)),
-            source("blur_config", "const RADIUS: i32 = 2;\nconst AXIS: vec2i = vec2i(1, 0);"),
+            source("blur_config", "const RADIUS: i32 = 2;"),
+            source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
             filtered_constants(false),
         ],
     })
     .into()
+}
+
+/// Passes that make summed-area tables: along rows of encoded texels, and along columns of what came of these.
+fn tables() -> Vec<Permutation> {
+    [
+        ("fixed-rows", "gpu::sat_encoded", "gpu::sat_fixed", "rg32uint"),
+        ("fixed-columns", "gpu::sat_stored", "gpu::sat_fixed", "rg32uint"),
+        ("float-rows", "gpu::sat_encoded", "gpu::sat_float", "rg32float"),
+        ("float-columns", "gpu::sat_stored", "gpu::sat_float", "rg32float"),
+    ]
+    .map(|(name, summand, numbers, format)| Permutation {
+        name: format!("gpu-sat-{name}"),
+        root: "gpu::sat",
+        slots: vec![
+            module("texel", "filter::from_depth"),
+            module("encoding", "filter::encoding::variance_fixed"),
+            module("numbers", numbers),
+            module("summand", summand),
+            source("target", table_target(format)),
+            source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
+            source("sat_config", "const SCALE: f32 = 8388607.0;"),
+        ],
+    })
+    .into()
+}
+
+/// Passes that make mipmaps and N-buffers.
+fn pyramids() -> Vec<Permutation> {
+    let roots = ["gpu::mip_base", "gpu::mip", "gpu::nbuffer"];
+    let means = [("average", "gpu::mean::arithmetic"), ("min-max", "gpu::mean::min_max")];
+    let of_a_mean = |(name, mean): (&'static str, &'static str)| {
+        roots.map(|root| Permutation {
+            name: format!("{}-{name}", file_name(root)),
+            root,
+            slots: vec![
+                module("texel", "gpu::stored_texel"),
+                module("mean", mean),
+                source("target", blur_target("rg32float")),
+            ],
+        })
+    };
+    means.into_iter().flat_map(of_a_mean).collect()
 }
 
 /// Constants of every filtered technique; each uses a few.
@@ -147,12 +223,25 @@ fn filtered_constants(both: bool) -> Slot {
         ("DEVIATION", 5e-5),
         ("MOMENT_BIAS", 6e-5),
         ("MOMENT_TARGET", 0.628),
+        ("ORDER", 16.0),
+        ("SQUEEZE", 0.9),
+        ("DAMPING", 1.0),
+        ("OFFSET", 0.0),
+        ("SCALE", 2.0),
+        ("WIDTH", 0.1),
+        ("MARGIN", 1e-4),
+        ("HALF", 1.0),
+        ("MOST", 8.0),
     ];
     let mut text = String::new();
     for (name, value) in numbers {
         text += &format!("const {name}: f32 = {value:?};\n");
     }
-    text += &format!("const BOTH: bool = {both};\n");
+    text += &format!(
+        "const BOTH: bool = {both};\nconst ALL: bool = true;\nconst FOLLOW: bool = true;\n"
+    );
+    text += "const OWN: bool = true;\n";
+    text += "const SLICES: i32 = 8;\nconst TEXELS: i32 = 2;\nconst WEIGHTS = array<f32, 3>(0.0, 1.0, 0.0);\n";
     source("config", text)
 }
 
@@ -169,6 +258,17 @@ pub fn blur_target(name: &str) -> String {
         "@group(0) @binding(1) var output: texture_storage_2d_array<{name}, write>;\n\
          fn put(at: vec2i, layer: i32, value: vec4f) {{\n\
          textureStore(output, at, layer, {value});\n}}"
+    )
+}
+
+/// As [`blur_target`] for tables of sums, whose integers are written as they are.
+#[must_use]
+pub fn table_target(name: &str) -> String {
+    let value = if name.ends_with("uint") { "vec4u" } else { "vec4f" };
+    format!(
+        "@group(0) @binding(1) var output: texture_storage_2d_array<{name}, write>;\n\
+         fn put(at: vec2i, layer: i32, value: {value}) {{\n\
+         textureStore(output, at, layer, value);\n}}"
     )
 }
 
@@ -200,11 +300,26 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         ("evsm-2", "filter::texels", "filter::evsm", false),
         ("msm", "filter::texels", "filter::msm", false),
         ("msm-16", "filter::texels_16", "filter::msm", false),
+        ("esm-fallback", "filter::texels", "filter::esm_fallback", false),
+        ("convolution", "filter::texels", "filter::convolution", false),
+        ("multiple-depth", "filter::texels", "filter::multiple_depth", false),
+        ("blurred-depth", "filter::texels", "filter::blurred_depth", false),
+        ("soft-comparison", "filter::texels", "filter::soft_comparison", false),
+        ("savsm", "filter::table_fixed", "filter::savsm", false),
+        ("savsm-float", "filter::table_float", "filter::savsm", false),
+        ("pcf-footprint", "common::depth_map", "filter::pcf_footprint", false),
     ] {
         let slots =
             vec![module("store", store), module("estimator", estimator), filtered_constants(both)];
         all.push((name, slots));
     }
+    let parts = poisson_constants(&[[0.0, 1.0]; 4], 2.0);
+    let parts =
+        format!("{parts}\nconst BLOCK: u32 = 2u;\nconst TAPS: i32 = 1;\nconst PARTS: i32 = 1;");
+    all.push((
+        "interleaved",
+        vec![loaded.clone(), module("estimator", "filter::interleaved"), source("config", parts)],
+    ));
     let cubic = kernel("filter::kernel::cubic");
     all.push(("cubic", vec![loaded.clone(), separable.clone(), cubic]));
     let points = poisson_constants(&[[0.0, 1.0], [0.5, -0.5]], 2.0);
@@ -223,6 +338,7 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
     ] {
         all.push((name, vec![triangles.clone(), module("estimator", path), radius(n)]));
     }
+    all.extend(soft());
     for (name, n) in [("box-2", 2), ("box-3", 3), ("box-7", 7)] {
         let slots = vec![loaded.clone(), separable.clone(), kernel("filter::kernel::box"), side(n)];
         all.push((name, slots));
@@ -243,6 +359,46 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         all.push((taps_name, vec![compared.clone(), taps.clone(), castano(), core(values)]));
     }
     all
+}
+
+/// Estimators of soft shadows, with and without a pyramid and a tally.
+fn soft() -> Vec<(&'static str, Vec<Slot>)> {
+    let patch = Some("soft::micropatch");
+    let quad = Some("soft::microquad");
+    let (mask_64, mask_256, mask_1024) =
+        ((4, 4, 0x1111), (8, 4, 0x0101_0101), (16, 2, 0x0001_0001_u32));
+    [
+        ("pcss", "soft::pcss", None, true, mask_256),
+        ("pcss-all-texels", "soft::pcss", None, false, mask_64),
+        ("back-projection", "soft::back_projection", None, true, mask_256),
+        ("bitmask-micropatch-64", "soft::bitmask", patch, true, mask_64),
+        ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
+        ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-microquad-1024", "soft::bitmask", quad, false, mask_1024),
+    ]
+    .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
+        let taps = if full { 16 } else { 0 };
+        let constants = format!(
+            "const HIERARCHY: bool = {full};\nconst UMBRA: bool = {full};\nconst BUDGET: i32 = 64;\n\
+             const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\n\
+             const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
+             const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
+             const TRIS: bool = {full};"
+        );
+        let mut slots = vec![
+            module("store", "common::depth_map"),
+            module("map::shadow", "soft::shadow"),
+            module("estimator", estimator),
+            source("config", constants),
+        ];
+        slots.extend(occluders.map(|path| module("occluders", path)));
+        if !full {
+            slots.push(module("soft::bounds", "soft::no_bounds"));
+            slots.push(module("soft::tally", "soft::no_tally"));
+        }
+        (name, slots)
+    })
+    .into()
 }
 
 /// The integer kernel of `side` texels (3, 5 or 7) of Castano 2013.

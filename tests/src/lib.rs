@@ -1,6 +1,6 @@
 //! What the workspace's tests share.
 
-use antumbra_gpu::{Gpu, GpuOptions};
+use antumbra_gpu::{Gpu, GpuOptions, wgpu};
 
 /// The device that tests run on.
 ///
@@ -12,4 +12,46 @@ pub fn gpu() -> Gpu {
         Ok(gpu) => gpu,
         Err(error) => panic!("{error}"),
     }
+}
+
+/// A square float image of `size` texels a side and as many channels as there are values, 1, 2 or 4, as a `D2Array` view.
+///
+/// # Panics
+/// When the device has no room for it.
+#[must_use]
+pub fn image(gpu: &Gpu, size: u32, values: &[f32]) -> wgpu::TextureView {
+    let channels = values.len() as u32 / (size * size);
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some("an image"),
+        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: match channels {
+            1 => wgpu::TextureFormat::R32Float,
+            2 => wgpu::TextureFormat::Rg32Float,
+            _ => wgpu::TextureFormat::Rgba32Float,
+        },
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    };
+    let texture = match gpu.create_texture("an image", &descriptor) {
+        Ok(texture) => texture,
+        Err(error) => panic!("{error}"),
+    };
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
+    gpu.queue.write_texture(
+        texture.as_image_copy(),
+        &bytes,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(4 * channels * size),
+            rows_per_image: None,
+        },
+        texture.size(),
+    );
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
 }

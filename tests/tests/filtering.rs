@@ -2,7 +2,8 @@
 //! the scenes whose leaks have a closed form.
 
 use antumbra_filter::{
-    Esm, Evsm, Lvsm, Msm, PcfAdaptive, PcfBilinearGrid, Prefilter, Shape, Vsm, twin,
+    Esm, Evsm, Fallback, Lvsm, Msm, PcfAdaptive, PcfBilinearGrid, Prefilter, Savsm, Shape, Vsm,
+    twin,
 };
 use antumbra_gpu::{
     Blur, BlurJob, BlurShader, Gpu, Recorder, TechniqueConfig, bind, blur_rounding, read_buffer,
@@ -12,10 +13,15 @@ use antumbra_map::{Bias, Estimator, MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::ViewSample;
 use antumbra_scene::generate::shapes;
-use antumbra_scene::{Light, LightKind, Scene, generate};
+use antumbra_scene::{Light, LightKind, generate};
 use antumbra_shaders::{link_source, module};
-use antumbra_tests::gpu;
+use antumbra_tests::{gpu, image};
 use glam::{DAffine3, DVec3, Vec3};
+
+#[path = "shared/slabs.rs"]
+mod slabs;
+
+use slabs::{FLOOR, across, overhead, settings, slabs};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
@@ -245,48 +251,6 @@ fn bounds_agree_with_their_twins_and_moments_are_never_lost() {
     }
 }
 
-/// Level slabs over a floor, for an overhead sun: height and the range of x that each covers.
-fn slabs(layers: &[(f64, f64, f64)]) -> Scene {
-    let mut scene = Scene::default();
-    // It shadows nothing, so it is culled and not in the map.
-    scene.add(shapes::floor(8.0), DAffine3::from_translation(FLOOR * DVec3::Y));
-    for (y, from, to) in layers {
-        let center = DVec3::new(0.5 * (from + to), *y, 0.0);
-        let half = 0.5 * (to - from);
-        scene.add(shapes::quad(center, 5.0 * DVec3::Z, half * DVec3::X), DAffine3::IDENTITY);
-    }
-    scene
-}
-
-/// Height of the floor, metres.
-const FLOOR: f64 = 3.0;
-
-/// Visibility of floor points along x in (-0.4, 0.4), through a map of 512.
-fn across(gpu: &Gpu, scene: &Scene, config: &dyn TechniqueConfig) -> Vec<f32> {
-    let points: Vec<ViewSample> = (0..1024)
-        .map(|i| {
-            let x = (f64::from(i) + 0.5) / 1024.0 * 0.8 - 0.4;
-            let position = DVec3::new(x, FLOOR, 0.013) - scene.origin();
-            ViewSample { position: position.as_vec3(), normal: Vec3::Y }
-        })
-        .collect();
-    let stage = Stage::at_points(gpu, scene, &points).expect("a stage");
-    let light = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
-    let mut technique = config.build(gpu).expect("a valid config");
-    let mut shot = stage.shoot(gpu, &light, technique.as_mut(), 0).expect("a shot");
-    shot.visibility.truncate(1024);
-    shot.visibility
-}
-
-/// Kernels of 17 texels, and no cone: the receiver's own depth.
-fn settings() -> (MapConfig, Prefilter) {
-    let bias = Bias { cone: 0.0, ..Bias::default() };
-    (
-        MapConfig { size: 512, bias, ..MapConfig::default() },
-        Prefilter { shape: Shape::Box, radius: 8 },
-    )
-}
-
 #[test]
 fn two_slabs_leak_on_the_gpu_as_in_closed_form() {
     let gpu = gpu();
@@ -300,14 +264,16 @@ fn two_slabs_leak_on_the_gpu_as_in_closed_form() {
     // Weights come in steps of less than 1/17, near a maximum that is flat: 1 % below it at a step beside.
     // The least variance adds 1e-6 to one of 0.004.
     assert!((0.435..=0.446).contains(&variance), "1 / (1 + 2 r)^2 = 0.444, not {variance}");
+    let table = Savsm { map, radius: 8.0, follow_pixels: false, ..Savsm::default() };
+    let tabled = most(&table);
+    assert!((tabled - variance).abs() < 1e-3, "a table of the same: {tabled}, not {variance}");
     let cut = most(&Vsm { map, filter, cut: 0.45, ..Vsm::default() });
     assert_eq!(cut, 0.0, "a cut above the leak");
     // The share of the range that a metre is, g, says the rest.
     let points = [ViewSample { position: Vec3::new(0.2, FLOOR as f32, 0.0), normal: Vec3::Y }];
     let stage = Stage::at_points(&gpu, &scene, &points).expect("a stage");
-    let light = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
     let mut technique = Vsm { map, filter, ..Vsm::default() }.technique(&gpu).expect("valid");
-    stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot");
+    stage.shoot(&gpu, &overhead(), &mut technique, 0).expect("a shot");
     let clip = technique.map().views()[0].clip.expect("a view with casters");
     let linear = technique.map().linear_depths()[0];
     let z = |y: f64| linear.of(clip.project_point3(y * DVec3::Y).z);
@@ -333,14 +299,23 @@ fn two_slabs_leak_on_the_gpu_as_in_closed_form() {
 }
 
 #[test]
-fn a_floor_beyond_the_last_caster_leaks_less() {
+fn a_floor_that_casts_nothing_is_in_the_map_all_the_same() {
     let gpu = gpu();
     let (map, filter) = settings();
+    // As above without the third caster: the floor lies beyond the last one, and leaks as much.
     let scene = slabs(&[(8.0, -5.0, 0.0), (4.0, -5.0, 5.0)]);
     let found = across(&gpu, &scene, &Vsm { map, filter, ..Vsm::default() });
-    // The range goes on behind the last caster by the window's width, 10 m and a little: r > 10 / 4.
     let most = found.into_iter().fold(0.0, f32::max);
-    assert!(most < 1.0 / 36.0, "{most}");
+    assert!((0.435..=0.446).contains(&most), "1 / (1 + 2 r)^2 = 0.444, not {most}");
+    // A slab over half, and another far below the floor: were it not for the floor's own depth, all but the
+    // innermost of the shadow's rim would be lit.
+    let scene = slabs(&[(4.0, -5.0, 0.0), (-20.0, 4.0, 5.0)]);
+    let rim = across(&gpu, &scene, &Vsm { map, filter, ..Vsm::default() });
+    let exact = across(&gpu, &scene, &PcfBilinearGrid { map, side: 17 });
+    let off = rim.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // The least variance, 1e-6 of the range's square, beside that of two depths, w (1 - w) / 33^2 with w in steps
+    // of 1/17.
+    assert!(off < 0.02, "{off}");
 }
 
 #[test]
@@ -352,9 +327,13 @@ fn an_edge_over_a_parallel_floor_is_the_kernels_own_profile() {
     let exact = across(&gpu, &scene, &PcfBilinearGrid { map, side: 17 });
     let soft = exact.iter().filter(|v| (0.05..0.95).contains(*v)).count();
     assert!(soft > 200, "{soft} samples in the penumbra");
-    let configs: [(&str, &dyn TechniqueConfig, f64); 5] = [
+    let box_of_17 = Savsm { map, radius: 8.0, follow_pixels: false, ..Savsm::default() };
+    let configs: [(&str, &dyn TechniqueConfig, f64); 7] = [
         // A floor of 1e-6 on a variance and a gap of 0.01 and more.
         ("vsm", &Vsm { map, filter, ..Vsm::default() }, 1e-3),
+        ("savsm", &box_of_17, 1e-3),
+        // One by one where a texel lies behind the receiver, as the far end does beyond the slabs.
+        ("esm, deeper", &Esm { map, filter, fallback: Fallback::Deeper, ..Esm::default() }, 1e-3),
         ("esm", &Esm { map, filter, ..Esm::default() }, 1e-3),
         ("evsm", &Evsm { map, filter, ..Evsm::default() }, 1e-3),
         ("msm", &Msm { map, filter, ..Msm::default() }, 1e-3),
@@ -383,8 +362,14 @@ fn no_store_is_darker_than_the_same_kernel_of_comparisons() {
     let filter = Prefilter { shape: Shape::Box, radius: 1 };
     // Rounding of a variance, 5e-7 of the range's square, over the least one: 1e-2 squared. For warps, 4e-6 of
     // the warp's square over (80 x 1e-3)^2, and (10 x 1e-2)^2. For moments, the bias.
-    let configs: [(&str, &dyn TechniqueConfig, f32); 6] = [
+    let savsm = Savsm { map, radius: 1.0, follow_pixels: false, ..Savsm::default() };
+    let fallback = |fallback| Esm { map, filter, fallback, ..Esm::default() };
+    let configs: [(&str, &dyn TechniqueConfig, f32); 9] = [
         ("vsm", &Vsm { map, filter, deviation: 1e-2, ..Vsm::default() }, 5e-3),
+        // Sixteen windows joined in f32: 1.5e-6 of the range's square.
+        ("savsm", &Savsm { deviation: 1e-2, ..savsm }, 1.5e-2),
+        ("esm, overflow", &fallback(Fallback::Overflow), 1e-4),
+        ("esm, deeper", &fallback(Fallback::Deeper), 1e-4),
         ("lvsm", &Lvsm { map, filter, deviation: 1e-2, ..Lvsm::default() }, 5e-3),
         ("esm", &Esm { map, filter, ..Esm::default() }, 1e-4),
         ("evsm", &Evsm { map, filter, deviation: 1e-2, ..Evsm::default() }, 1e-3),
@@ -520,35 +505,6 @@ fn store_and_map(
     (store, depth, technique.map().linear_depths()[0])
 }
 
-/// A float texture in the place of a depth map.
-fn a_map(gpu: &Gpu, size: u32, texels: &[f32]) -> wgpu::TextureView {
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some("a map"),
-        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::R32Float,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    };
-    let texture = gpu.create_texture("test", &descriptor).expect("a texture");
-    gpu.queue.write_texture(
-        texture.as_image_copy(),
-        bytemuck::cast_slice(texels),
-        wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(4 * size),
-            rows_per_image: None,
-        },
-        texture.size(),
-    );
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    })
-}
-
 #[test]
 fn depths_that_are_no_numbers_or_out_of_range_enter_no_store() {
     const SIZE: u32 = 64;
@@ -558,7 +514,7 @@ fn depths_that_are_no_numbers_or_out_of_range_enter_no_store() {
     for (i, value) in bad.into_iter().enumerate() {
         texels[(20 * SIZE) as usize + 4 * i + 16] = value;
     }
-    let view = a_map(&gpu, SIZE, &texels);
+    let view = image(&gpu, SIZE, &texels);
     // Infinite reversed perspective with its near plane at 1 m, linear from 1 m to 4 m.
     let linear = [-1.0, 1.0, 3.0, 0.0];
     for (encoding, sharpness) in
@@ -611,7 +567,7 @@ fn a_texel_knows_the_spread_of_its_own_slope_but_no_outline() {
     // Linear depth 1 - d: a ramp along x, with a cliff of 1/4 in the middle.
     let ramp = |x: u32| 0.25 + STEP * x as f32 + if x < SIZE / 2 { 0.0 } else { 0.25 };
     let texels: Vec<f32> = (0..SIZE * SIZE).map(|i| 1.0 - ramp(i % SIZE)).collect();
-    let view = a_map(&gpu, SIZE, &texels);
+    let view = image(&gpu, SIZE, &texels);
     let shader = BlurShader {
         texel: "filter::from_depth_slope",
         mean: "gpu::mean::arithmetic",

@@ -29,7 +29,7 @@ pub(crate) fn conclude(
     }
     let regressions = comparison.map_or(0, |c| c.regressions.len());
     let failed = results.runs.iter().filter(|r| matches!(r.status, Status::Failed(_))).count();
-    let surprising = results.stability.iter().filter(|c| !c.pass).count();
+    let surprising = results.stability.iter().filter(|c| c.is_surprise()).count();
     let verdict: Vec<String> = [
         (failed, "failed runs"),
         (surprising, "hard cases not as expected"),
@@ -54,7 +54,7 @@ mod tests {
     fn good() -> Results {
         let mut results = sample::results();
         results.runs.retain(|r| !matches!(r.status, Status::Failed(_)));
-        results.stability.retain(|c| c.pass);
+        results.stability.retain(|c| !c.is_surprise());
         results
     }
 

@@ -243,8 +243,16 @@ pub(crate) struct StabilityCase {
     pub(crate) bound: Option<f64>,
     /// What was measured.
     pub(crate) measured: Option<f64>,
-    /// Whether it behaved as expected; an unexpected success is `false` too.
-    pub(crate) pass: bool,
+    /// Whether it behaved as expected; an unexpected success is `false` too. `None` where it was measured and nobody
+    /// has said what to expect.
+    pub(crate) pass: Option<bool>,
+}
+
+impl StabilityCase {
+    /// Whether it did not behave as expected, or could not be measured.
+    pub(crate) fn is_surprise(&self) -> bool {
+        self.pass == Some(false)
+    }
 }
 
 /// What theory says of a technique on a hard case.
@@ -257,7 +265,7 @@ pub(crate) enum Expected {
     KnownLimit,
     /// It answers with an error.
     Refuses,
-    /// Nobody has said yet; whatever is measured passes.
+    /// Nobody has said yet: what is measured is shown and not judged.
     Unsaid,
 }
 

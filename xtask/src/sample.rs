@@ -141,7 +141,7 @@ fn stability() -> Vec<StabilityCase> {
                 at_least: if holds { None } else { Some(0.4) },
                 bound: Some(if holds { 0.01 } else { 0.6 }),
                 measured: Some(if !pass { 0.82 } else if holds { 0.004 } else { 0.5 }),
-                pass,
+                pass: Some(pass),
             });
         }
     }

@@ -79,8 +79,8 @@ fn stability(cases: &[StabilityCase]) -> String {
         "measured",
     ]);
     for group in cases.chunk_by(|a, b| a.case == b.case) {
-        let count = |pass: bool, expected: &[Expected]| {
-            let is = |c: &&StabilityCase| c.pass == pass && expected.contains(&c.expected);
+        let count = |expected: Expected| {
+            let is = |c: &&StabilityCase| !c.is_surprise() && c.expected == expected;
             match group.iter().filter(is).count() {
                 0 => String::new(),
                 some => some.to_string(),
@@ -92,16 +92,16 @@ fn stability(cases: &[StabilityCase]) -> String {
             if low < high { format!("{} – {}", number(low), number(high)) } else { number(high) };
         table.add_row([
             Cell::new(&group[0].case),
-            right(count(true, &[Expected::Holds])),
-            right(count(true, &[Expected::KnownLimit])),
-            right(count(true, &[Expected::Refuses])),
-            right(count(true, &[Expected::Unsaid])),
-            right(group.iter().filter(|c| !c.pass).count()),
+            right(count(Expected::Holds)),
+            right(count(Expected::KnownLimit)),
+            right(count(Expected::Refuses)),
+            right(count(Expected::Unsaid)),
+            right(group.iter().filter(|c| c.is_surprise()).count()),
             right(range),
         ]);
     }
     let mut text = format!("Hard cases, techniques each\n{table}\n");
-    for case in cases.iter().filter(|c| !c.pass) {
+    for case in cases.iter().filter(|c| c.is_surprise()) {
         let shown = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), number);
         text += &format!(
             "  FAILED {}, {}: {} {}, expected {} to {}. {}\n",

@@ -155,11 +155,32 @@ techniques! {
     /// A disc whose rim is looked at first.
     PcfAdaptive(antumbra_filter::PcfAdaptive) = "filter/pcf-adaptive",
     #[cfg(feature = "filter")]
+    /// Taps shared out among neighbouring pixels.
+    Interleaved(antumbra_filter::Interleaved) = "filter/interleaved",
+    #[cfg(feature = "filter")]
+    /// The pixel's footprint in the map.
+    PcfFootprint(antumbra_filter::PcfFootprint) = "filter/pcf-footprint",
+    #[cfg(feature = "filter")]
+    /// The least and the largest depth of a kernel.
+    MultipleDepth(antumbra_filter::MultipleDepth) = "filter/multiple-depth",
+    #[cfg(feature = "filter")]
     /// Variance shadow maps.
     Vsm(antumbra_filter::Vsm) = "filter/vsm",
     #[cfg(feature = "filter")]
     /// Variance shadow maps of slices of the depth range.
     Lvsm(antumbra_filter::Lvsm) = "filter/lvsm",
+    #[cfg(feature = "filter")]
+    /// Variance shadow maps over boxes of any size.
+    Savsm(antumbra_filter::Savsm) = "filter/savsm",
+    #[cfg(feature = "filter")]
+    /// Convolution shadow maps.
+    Convolution(antumbra_filter::Convolution) = "filter/convolution",
+    #[cfg(feature = "filter")]
+    /// Blurred depth: what not to do.
+    BlurredDepth(antumbra_filter::BlurredDepth) = "filter/blurred-depth",
+    #[cfg(feature = "filter")]
+    /// Blurred depth, compared softly: a look.
+    SoftComparison(antumbra_filter::SoftComparison) = "filter/soft-comparison",
     #[cfg(feature = "filter")]
     /// Exponential shadow maps.
     Esm(antumbra_filter::Esm) = "filter/esm",
@@ -172,6 +193,15 @@ techniques! {
     #[cfg(feature = "sampling")]
     /// The view's samples in place of a map's.
     ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
+    #[cfg(feature = "soft")]
+    /// Percentage-closer soft shadows.
+    Pcss(antumbra_soft::Pcss) = "soft/pcss",
+    #[cfg(feature = "soft")]
+    /// Texels projected back onto the light, their areas added up.
+    BackProjection(antumbra_soft::BackProjection) = "soft/back-projection",
+    #[cfg(feature = "soft")]
+    /// Texels projected back onto the light, as bits for its samples.
+    Bitmask(antumbra_soft::Bitmask) = "soft/bitmask",
     #[cfg(feature = "volume")]
     /// Each triangle's shadow volume asked whether it contains the sample.
     VolumeTriangle(antumbra_volume::Triangle) = "volume/triangle",

@@ -24,6 +24,23 @@ pub struct Esm {
     /// c, per depth range, 1 to 1000, default 80 as published. Larger leaks less at contacts, and makes of one
     /// deep texel more.
     pub sharpness: f32,
+    /// What is done about texels behind the receiver, default nothing.
+    pub fallback: Fallback,
+}
+
+/// Where an exponential shadow map asks the texels of the kernel one by one, each exponential cut off at 1, since
+/// something in the kernel lies behind the receiver (Annen et al. 2008). Costs 4 bytes a texel, and there (2 radius + 2)²
+/// fetches a sample; rough ground has it nearly everywhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fallback {
+    /// Nowhere: a few deep texels light the whole kernel.
+    #[default]
+    Never,
+    /// Where the filtered exponential tells, being above 1. Misses deep texels that near ones outweigh.
+    Overflow,
+    /// Wherever a texel of the kernel lies behind the receiver, by the largest depth of every kernel. Slopes count too.
+    Deeper,
 }
 
 /// Exponential variance shadow maps (Lauritzen, McCool 2008): variance shadow maps of two warps of depth, exp(c+ x)
@@ -51,7 +68,12 @@ pub struct Evsm {
 
 impl Default for Esm {
     fn default() -> Self {
-        Self { map: MapConfig::default(), filter: Prefilter::default(), sharpness: 80.0 }
+        Self {
+            map: MapConfig::default(),
+            filter: Prefilter::default(),
+            sharpness: 80.0,
+            fallback: Fallback::Never,
+        }
     }
 }
 
@@ -88,6 +110,31 @@ impl Esm {
         let encoding = "filter::encoding::depth";
         let mut recipe = Recipe::new(self.filter, encoding, format, "filter::esm", constants);
         recipe.mean = "gpu::mean::exponential";
+        if self.fallback != Fallback::Never {
+            recipe.encoding = "filter::encoding::depth_twice";
+            recipe.mean = "gpu::mean::exponential_and_largest";
+            recipe.format = wgpu::TextureFormat::Rg32Float;
+            recipe.estimator = "filter::esm_fallback";
+            recipe.reads_depth = true;
+            // At this depth behind the receiver an exponential is 1.01.
+            let margin = 1.01f64.ln() / f64::from(self.sharpness);
+            let texels = 2 * self.filter.radius + 2;
+            recipe.constants.extend([
+                ("MARGIN", Constant::Float(margin + rounding)),
+                ("ALL", Constant::Bool(self.fallback == Fallback::Deeper)),
+                ("TEXELS", Constant::Int(texels)),
+            ]);
+            let weights = self.filter.weights();
+            let padded: Vec<String> = std::iter::once(&0.0)
+                .chain(&weights)
+                .chain([&0.0])
+                .map(|w| format!("{:?}", *w as f32))
+                .collect();
+            let count = padded.len();
+            recipe.arrays =
+                format!("const WEIGHTS = array<f32, {count}>({});\n", padded.join(", "));
+            recipe.fetches = 8 + texels * texels;
+        }
         Ok(recipe)
     }
 

@@ -5,6 +5,19 @@ use antumbra_map::{Estimator, MapConfig};
 
 use crate::prefilter::Prefilter;
 
+/// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Kernel {
+    pub(crate) reach: f64,
+    pub(crate) spread: f64,
+}
+
+impl From<&Prefilter> for Kernel {
+    fn from(filter: &Prefilter) -> Self {
+        Self { reach: filter.reach(), spread: filter.spread() }
+    }
+}
+
 /// A bound and the settings on which its leak depends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bound {
@@ -45,11 +58,12 @@ const WRONG: f64 = 1e-5;
 
 pub(crate) fn expectation(
     map: &MapConfig,
-    filter: &Prefilter,
+    kernel: impl Into<Kernel>,
     bound: Bound,
     case: &str,
 ) -> Option<Expectation> {
-    let radius = filter.reach();
+    let kernel = kernel.into();
+    let radius = kernel.reach;
     let estimator = Estimator { radius: radius as f32, ..Estimator::nearest() };
     // Bounds leak there, or linear depth over the case's range is too coarse: by how much is not derived yet.
     let unsaid = [
@@ -66,23 +80,39 @@ pub(crate) fn expectation(
     // As in `antumbra_map`: the guard band makes texels larger than ideal ones.
     let texel = size / (size - 2.0 * (radius.ceil() + 1.0)).max(1.0);
     Some(match case {
-        // The floor lies beyond the last caster, which is level: as far from it as the range is long.
+        "HC-02 in view" if matches!(bound, Bound::Layers { .. }) => Expectation::KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: size,
+            because: "where a floor enters a layer, its shadow gets up to 1 % of the light",
+        },
+        // The wire's axis is 5 cm above its receiver, which the cone moves by 2 texels of 16 cm or, of a map of 1024,
+        // 2 cm for each texel of the kernel's spread.
+        "HC-31 wire below a texel" => {
+            let Expectation::KnownLimit { at_least, .. } = exact else { return Some(exact) };
+            Expectation::KnownLimit {
+                at_least,
+                at_most: 1.0,
+                because: "a caster thinner than a texel is in the map only where a texel's centre falls on it, and \
+                          one so near its receiver is within the bias",
+            }
+        }
+        // The floor lies behind the caster, which is level, by half of the range at least.
         "HC-01 A, point light"
         | "HC-01 B, sun overhead"
         | "HC-01 B, turned 30 degrees"
-        | "HC-02 light amid the caster" => leaky(exact, bound, size, 1.0, 1.0, 0.0),
+        | "HC-02 light amid the caster" => leaky(exact, bound, size, 0.5, 1.0, 0.0),
         "HC-01 C, slanting sun" => {
             // A square of 2 m at 45 degrees to the light: sqrt 2 m deep, in a window 2 texel m wide. The range
             // goes on behind it by the window's width.
             let (deep, wide) = (std::f64::consts::SQRT_2, 2.0 * texel);
             let range = deep + wide;
             // Depth changes by as much as one goes to the side.
-            let spread = filter.spread() * wide / size / range;
+            let spread = kernel.spread * wide / size / range;
             leaky(exact, bound, size, 1.0 - deep / range, 1.0, spread)
         }
         "HC-04 thin wall" | "HC-05 cube" => match bound {
             Bound::Moments { .. } | Bound::Layers { .. } => {
-                Expectation::Holds { bound: contact(filter) * texel }
+                Expectation::Holds { bound: contact(kernel) * texel }
             }
             _ => exact,
         },
@@ -121,7 +151,7 @@ fn leaky(
 /// the map is as wide as 1 / sqrt 2 of a texel of floor. The receiver is moved towards the light by the plane's
 /// slope, 1, over the kernel's reach, and the cone's, 2 an axis, over its spread. Beyond that, as for
 /// comparisons, 2 texels and the reach, and a spread more for the slope of the wall itself within the kernel.
-fn contact(filter: &Prefilter) -> f64 {
-    let moved = 0.5 * (filter.reach() + 8f64.sqrt() * filter.spread());
-    2.0 + filter.reach() + moved + filter.spread()
+fn contact(Kernel { reach, spread }: Kernel) -> f64 {
+    let moved = 0.5 * (reach + 8f64.sqrt() * spread);
+    2.0 + reach + moved + spread
 }

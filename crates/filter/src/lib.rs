@@ -7,21 +7,34 @@
 //! Filterable maps average first: moments or exponentials of depth, filtered once a map ([`Prefilter`]), bound
 //! the same sum from above at a cost a sample that does not grow with the kernel.
 
+mod blurred_depth;
+mod convolution;
 mod esm;
 mod expectation;
+mod eye;
+mod interleaved;
 pub mod kernel;
 mod lvsm;
 mod msm;
+mod multiple_depth;
 mod pcf;
+mod pcf_footprint;
 mod prefilter;
+mod savsm;
 pub mod twin;
 mod vsm;
 
-pub use esm::{Esm, Evsm};
+pub use blurred_depth::{BlurredDepth, SoftComparison};
+pub use convolution::Convolution;
+pub use esm::{Esm, Evsm, Fallback};
+pub use interleaved::Interleaved;
 pub use lvsm::Lvsm;
 pub use msm::Msm;
+pub use multiple_depth::MultipleDepth;
 pub use pcf::{
     PcfAdaptive, PcfBilinearGrid, PcfCastano, PcfCubic, PcfGrid, PcfHardware, PcfPoisson,
 };
+pub use pcf_footprint::PcfFootprint;
 pub use prefilter::{Prefilter, Shape};
+pub use savsm::{Savsm, Table};
 pub use vsm::Vsm;

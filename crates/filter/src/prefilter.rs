@@ -1,8 +1,8 @@
 //! Kernels that filter a store ahead of the lookup, and the store that results.
 
 use antumbra_gpu::{
-    Blur, BlurJob, BlurShader, Counters, Frame, Gpu, GpuError, MAX_BLUR_RADIUS, Recorder,
-    blur_rounding,
+    BindGroupCache, Blur, BlurJob, BlurShader, Counters, Frame, Gpu, GpuError, MAX_BLUR_RADIUS,
+    Recorder, bind, blur_rounding, entries,
 };
 use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store};
 use antumbra_shaders::{Slot, module, source};
@@ -127,13 +127,34 @@ pub(crate) struct Recipe {
     pub(crate) constants: Vec<(&'static str, Constant)>,
     /// What each layer of the map becomes: one layer for each of these parameters.
     pub(crate) slices: Vec<[f32; 4]>,
+    /// Fetches a sample.
+    pub(crate) fetches: u32,
+    /// Whether the lookup reads the depth map too, as binding 0 of group 2.
+    pub(crate) reads_depth: bool,
+    /// Constants that are no numbers.
+    pub(crate) arrays: String,
 }
 
 /// A constant of a shader.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Constant {
     Float(f64),
+    Int(u32),
     Bool(bool),
+}
+
+/// The module of constants, for the slot `config`.
+pub(crate) fn constants(all: &[(&str, Constant)]) -> Slot {
+    source("config", constant_lines(all))
+}
+
+fn constant_lines(all: &[(&str, Constant)]) -> String {
+    let line = |(name, value): &(&str, Constant)| match value {
+        Constant::Float(value) => format!("const {name}: f32 = {:?};\n", *value as f32),
+        Constant::Int(value) => format!("const {name}: i32 = {value};\n"),
+        Constant::Bool(value) => format!("const {name}: bool = {value};\n"),
+    };
+    all.iter().map(line).collect()
 }
 
 impl Recipe {
@@ -154,6 +175,9 @@ impl Recipe {
             estimator,
             constants,
             slices: vec![[0.0; 4]],
+            fetches: 4,
+            reads_depth: false,
+            arrays: String::new(),
         }
     }
 
@@ -162,11 +186,7 @@ impl Recipe {
             ("RADIUS", Constant::Float(self.filter.reach())),
             ("SPREAD", Constant::Float(self.filter.spread())),
         ];
-        let line = |(name, value): &(&str, Constant)| match value {
-            Constant::Float(value) => format!("const {name}: f32 = {:?};\n", *value as f32),
-            Constant::Bool(value) => format!("const {name}: bool = {value};\n"),
-        };
-        let text: String = common.iter().chain(&self.constants).map(line).collect();
+        let text = constant_lines(&common) + &constant_lines(&self.constants) + &self.arrays;
         source("config", text)
     }
 
@@ -182,7 +202,7 @@ impl Recipe {
             radius: self.filter.reach() as f32,
             // References of a filtered store have their own slack (`filter/receiver.wesl`).
             reach: 0.0,
-            fetches: 4,
+            fetches: self.fetches,
         }
     }
 
@@ -198,7 +218,8 @@ impl Recipe {
             format: self.format,
         };
         let blur = Blur::new(gpu, &shader, &self.filter.weights())?;
-        Ok(Box::new(Filtered { blur, slices: self.slices.clone(), jobs: Vec::new() }))
+        let depth = self.reads_depth.then(|| Depth::new(gpu));
+        Ok(Box::new(Filtered { blur, slices: self.slices.clone(), jobs: Vec::new(), depth }))
     }
 }
 
@@ -208,11 +229,70 @@ struct Filtered {
     blur: Blur,
     slices: Vec<[f32; 4]>,
     jobs: Vec<BlurJob>,
+    depth: Option<Depth>,
+}
+
+/// The depth map beside the store.
+#[derive(Debug)]
+struct Depth {
+    layout: wgpu::BindGroupLayout,
+    group: BindGroupCache<wgpu::TextureView>,
+    nothing: Option<wgpu::TextureView>,
+}
+
+impl Depth {
+    fn new(gpu: &Gpu) -> Self {
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("depth beside a store"),
+            entries: &[entries::texels(0, wgpu::ShaderStages::COMPUTE, true)],
+        });
+        Self { layout, group: BindGroupCache::default(), nothing: None }
+    }
+
+    fn prepare(&mut self, gpu: &Gpu, map: Option<&wgpu::TextureView>) -> Result<(), GpuError> {
+        let view = match (map, &self.nothing) {
+            (Some(map), _) => map.clone(),
+            (None, Some(nothing)) => nothing.clone(),
+            // The pass needs some texture even when no view reads it.
+            (None, None) => self.nothing.insert(one_texel(gpu)?).clone(),
+        };
+        self.group.get(view, |view| {
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("depth beside a store"),
+                layout: &self.layout,
+                entries: &[bind::texture(0, view)],
+            })
+        });
+        Ok(())
+    }
+}
+
+fn one_texel(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
+    let texture = gpu.create_texture(
+        "empty depth",
+        &wgpu::TextureDescriptor {
+            label: Some("empty depth"),
+            size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::R32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        },
+    )?;
+    Ok(texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    }))
 }
 
 impl Store for Filtered {
     fn prepare(&mut self, gpu: &Gpu, _frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
         self.jobs.clear();
+        if let Some(depth) = &mut self.depth {
+            depth.prepare(gpu, map.view())?;
+        }
         let Some(view) = map.view() else { return Ok(()) };
         for (layer, linear) in map.linear_depths().iter().enumerate() {
             let linear = linear.coefficients.map(|c| c as f32);
@@ -233,6 +313,18 @@ impl Store for Filtered {
             self.blur.encode(recorder, "filter/blur");
         }
         Ok(())
+    }
+
+    fn needs_receivers(&self) -> bool {
+        true
+    }
+
+    fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {
+        self.depth.as_ref().map(|depth| &depth.layout)
+    }
+
+    fn group(&self) -> Option<&wgpu::BindGroup> {
+        self.depth.as_ref().and_then(|depth| depth.group.kept())
     }
 
     fn view(&self) -> Option<&wgpu::TextureView> {

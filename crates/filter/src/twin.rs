@@ -170,3 +170,96 @@ pub fn decode_16([q1, q2, q3, q4]: [f64; 4]) -> [f64; 4] {
     let (a, d, root) = (q1 - 0.5, q3 - 0.5, 3f64.sqrt());
     [-a / 3.0 + root * d, 0.125 * q2 + q4, -0.75 * a + 0.75 * root * d, q4 - 0.125 * q2]
 }
+
+/// Weights of the texels along an axis under a box from `first` to `last` (continuous texel coordinates, at least 1
+/// apart), each by its part inside: the first texel and the weights from it on, which add to 1. A window of a summed-area
+/// table, `gpu/sat_window.wesl`.
+#[must_use]
+pub fn coverage(first: f64, last: f64) -> (i64, Vec<f64>) {
+    let begin = first.floor();
+    let count = (last.ceil() - begin) as usize;
+    let weight = |k: usize| {
+        let at = begin + k as f64;
+        (last.min(at + 1.0) - first.max(at)) / (last - first)
+    };
+    (begin as i64, (0..count).map(weight).collect())
+}
+
+/// Bound on the root mean square distance, from the middle of a box of half side `half`, of the centres of the texels
+/// under it, an axis: that of the box itself, and the half texel between a point and the centre of its texel.
+#[must_use]
+pub fn coverage_spread(half: f64) -> f64 {
+    half / 3f64.sqrt() + 0.5
+}
+
+/// The step as a series of `order` waves of period 2, `filter/fourier.wesl`: 0 where `t` < 0, 1 where it is > 0, and 1/2
+/// between (Annen et al. 2007); coefficients are multiplied by exp(-`damping` (k / order)²).
+#[must_use]
+pub fn fourier_step(t: f64, order: u32, damping: f64) -> f64 {
+    let terms = (1..=order).map(|k| {
+        let c = std::f64::consts::PI * (2.0 * f64::from(k) - 1.0);
+        let share = f64::from(k) / f64::from(order);
+        (c * t).sin() / c * (-damping * share * share).exp()
+    });
+    0.5 + 2.0 * terms.sum::<f64>()
+}
+
+/// Settings of a convolution shadow map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waves {
+    /// Number of waves.
+    pub order: u32,
+    /// Damping of the coefficients.
+    pub damping: f64,
+    /// Room between the two ends of the range, shares of it.
+    pub margin: f64,
+    /// Share of the range by which the receiver is moved towards the light.
+    pub offset: f64,
+    /// Factor on the series.
+    pub scale: f64,
+}
+
+/// Convolution shadow map, `filter/convolution.wesl`: the waves filtered first, then put together.
+#[must_use]
+pub fn convolution(window: Window<'_>, waves: &Waves, z: f64) -> f64 {
+    let squeeze = (1.0 + waves.margin).recip();
+    let own = squeeze * (z - waves.offset);
+    let terms = (1..=waves.order).map(|k| {
+        let c = std::f64::consts::PI * (2.0 * f64::from(k) - 1.0);
+        let share = f64::from(k) / f64::from(waves.order);
+        let sine = mean(window, |z| (c * squeeze * z).sin());
+        let cosine = mean(window, |z| (c * squeeze * z).cos());
+        let damped = 2.0 / c * (-waves.damping * share * share).exp();
+        damped * ((c * own).cos() * sine - (c * own).sin() * cosine)
+    });
+    (waves.scale * (0.5 + terms.sum::<f64>())).clamp(0.0, 1.0)
+}
+
+/// Exponentials cut off at 1 one by one, what `filter/esm_fallback.wesl` falls back to.
+#[must_use]
+pub fn clamped_esm(window: Window<'_>, sharpness: f64, z: f64) -> f64 {
+    mean(window, |depth| (sharpness * (depth - z)).min(0.0).exp())
+}
+
+/// The least and the largest depth of a window, compared, `filter/multiple_depth.wesl`; with `own`, a third between them.
+#[must_use]
+pub fn multiple_depth(window: Window<'_>, own: Option<f64>, z: f64) -> f64 {
+    let ends = window.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), (d, _)| {
+        (least.min(*d), most.max(*d))
+    });
+    let depths: Vec<f64> = [ends.0, ends.1].into_iter().chain(own).collect();
+    depths.iter().filter(|depth| **depth >= z).count() as f64 / depths.len() as f64
+}
+
+/// Blurred depth, compared, `filter/blurred_depth.wesl`.
+#[must_use]
+pub fn blurred_depth(window: Window<'_>, z: f64) -> f64 {
+    if mean(window, |depth| depth) >= z { 1.0 } else { 0.0 }
+}
+
+/// Blurred depth, compared softly over `width`, `filter/soft_comparison.wesl`.
+#[must_use]
+pub fn soft_comparison(window: Window<'_>, width: f64, z: f64) -> f64 {
+    let x = ((mean(window, |depth| depth) - z) / width + 1.0).clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}

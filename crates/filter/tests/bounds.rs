@@ -4,8 +4,9 @@
 //! matrix whose least eigenvalue is e loses 1e-16 / e. Tolerances say which.
 
 use antumbra_filter::twin::{
-    biased, chebyshev, cut_tail, decode_16, encode_16, esm, hamburger, layer, mean, moments, msm,
-    negative_warp, pcf, positive_warp, vsm,
+    Waves, biased, blurred_depth, chebyshev, clamped_esm, convolution, coverage, coverage_spread,
+    cut_tail, decode_16, encode_16, esm, fourier_step, hamburger, layer, log_mean, mean, moments,
+    msm, multiple_depth, negative_warp, pcf, positive_warp, soft_comparison, vsm,
 };
 
 /// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
@@ -382,4 +383,240 @@ fn a_layer_leaks_only_between_the_casters_in_it() {
             assert!(v >= pcf(&window, z) - 1e-9, "{v} on {window:?} at {z} in {from} to {to}");
         }
     }
+}
+
+#[test]
+fn a_window_of_a_table_is_a_measure_about_where_it_is_said_to_be() {
+    let mut random = Random(11);
+    for _ in 0..20_000 {
+        let half = 0.5 + 15.0 * random.next();
+        let center = 40.0 * random.next();
+        let (begin, weights) = coverage(center - half, center + half);
+        let sum: f64 = weights.iter().sum();
+        assert!((sum - 1.0).abs() < 1e-12 && weights.iter().all(|w| *w >= 0.0), "{weights:?}");
+        let square: f64 = weights
+            .iter()
+            .enumerate()
+            .map(|(k, w)| w * (begin as f64 + k as f64 + 0.5 - center).powi(2))
+            .sum();
+        let bound = coverage_spread(half);
+        assert!(square.sqrt() <= bound, "{} at {center} +- {half}, not {bound}", square.sqrt());
+    }
+    // 2 radius + 1 texels are the grid of as many bilinear taps.
+    let (begin, weights) = coverage(7.3 - 2.5, 7.3 + 2.5);
+    assert_eq!(begin, 4, "the first texel");
+    for (weight, expected) in weights.iter().zip([0.04, 0.2, 0.2, 0.2, 0.2, 0.16]) {
+        assert!((weight - expected).abs() < 1e-12, "{weights:?}");
+    }
+}
+
+#[test]
+fn variance_of_any_window_of_a_table_of_integers_is_a_bound() {
+    let mut random = Random(12);
+    let side = 24usize;
+    let mut leaks = 0;
+    for round in 0..400 {
+        let kind = random.below(2);
+        let levels = [random.next(), random.next(), random.next()];
+        let depths: Vec<f64> = (0..side * side)
+            .map(|_| if kind == 0 { random.next() } else { levels[random.below(3)] })
+            .collect();
+        for _ in 0..20 {
+            let mut edges = || {
+                let length = 1.0 + (side as f64 - 2.0) * random.next();
+                let first = (side as f64 - length) * random.next();
+                coverage(first, first + length)
+            };
+            let ((x, across), (y, down)) = (edges(), edges());
+            let mut window = Vec::new();
+            for (j, v) in down.iter().enumerate() {
+                for (i, u) in across.iter().enumerate() {
+                    let at = (y as usize + j) * side + x as usize + i;
+                    window.extend(depths.get(at).map(|z| (*z, u * v)));
+                }
+            }
+            let z = random.receiver(&window);
+            let truth = pcf(&window, z);
+            let exact = vsm(&window, DEVIATION, z);
+            assert!(exact >= truth - 1e-9, "{exact} < {truth} in round {round}");
+            leaks += usize::from(exact > truth + 0.01);
+            // Depth and the square of signed depth at so many bits: a mean is off by half a step, a variance by 5/8 of one.
+            for bits in [12, 16, 20, 24] {
+                let scale = f64::from((1u32 << bits) - 1);
+                let fixed = |v: f64| (v * scale).round() / scale;
+                let m1 = mean(&window, fixed) - 0.5;
+                let m2 = 0.25 * mean(&window, |z| fixed((2.0 * z - 1.0).powi(2)));
+                let (e1, e2) = (mean(&window, |z| z) - 0.5, mean(&window, |z| (z - 0.5).powi(2)));
+                assert!((m1 - e1).abs() <= 0.5 / scale + 1e-15, "{bits} bits: the mean");
+                let off = ((m2 - m1 * m1) - (e2 - e1 * e1)).abs();
+                assert!(off <= 0.625 / scale + 1e-14, "{bits} bits: a variance is off by {off}");
+                // With the receiver moved by the mean's error, the bound holds but for the variance's over the least.
+                let v = chebyshev(m1, m2, DEVIATION.powi(2), z - 0.5 - 0.5 / scale);
+                let allowed = 0.625 / scale / DEVIATION.powi(2) + 1e-9;
+                assert!(v >= truth - allowed, "{bits} bits: {v} < {truth}");
+            }
+        }
+    }
+    assert!(leaks > 1000, "windows so simple that the bound is exact: {leaks} leaks");
+}
+
+/// Waves as published first: all of the period, no scale, no offset.
+fn plain_waves(order: u32, damping: f64) -> Waves {
+    Waves { order, damping, margin: 0.0, offset: 0.0, scale: 1.0 }
+}
+
+#[test]
+fn waves_filter_first_or_last_and_ring() {
+    let mut random = Random(13);
+    for _ in 0..2000 {
+        let window = random.window(6);
+        let z = random.next();
+        for order in [4, 16] {
+            let waves = plain_waves(order, 1.0);
+            let last = mean(&window, |depth| fourier_step(depth - z, order, 1.0));
+            let first = convolution(&window, &waves, z);
+            assert!((first - last.clamp(0.0, 1.0)).abs() < 1e-12, "{first}, not {last}");
+        }
+    }
+    for order in [4u32, 8, 16] {
+        let m = f64::from(order);
+        assert_eq!(fourier_step(0.0, order, 0.0), 0.5, "level with the receiver");
+        let h = 1e-6;
+        let slope = (fourier_step(h, order, 0.0) - fourier_step(-h, order, 0.0)) / (2.0 * h);
+        assert!((slope - 2.0 * m).abs() < 1e-4 * m, "order {order}: a slope of {slope}");
+        // The first crest, half a wave of the last from the step, and Gibbs's height.
+        let crest = fourier_step(0.5 / m, order, 0.0) - 1.0;
+        assert!((0.0896..=0.0922).contains(&crest), "order {order}: a crest of {crest}");
+    }
+    // Damping takes the crest down.
+    for (order, damping, expected) in
+        [(8, 1.0, 1.004), (16, 1.0, 1.013), (8, 2.0, 0.993), (16, 2.0, 0.999)]
+    {
+        let crests = (1..2000).map(|i| fourier_step(0.5 * f64::from(i) / 2000.0, order, damping));
+        let crest = crests.fold(0.0, f64::max);
+        assert!((crest - expected).abs() < 1.5e-3, "{order}, {damping}: {crest}, not {expected}");
+    }
+    // And the root mean square distance from the step falls with the root of the order.
+    for (order, expected) in [(4, 0.133), (8, 0.090), (16, 0.062)] {
+        let n = 40_000;
+        let square = |i: i32| {
+            let t = (2.0 * (f64::from(i) + 0.5) / f64::from(n)) - 1.0;
+            let step = if t > 0.0 { 1.0 } else { 0.0 };
+            (fourier_step(t, order, 1.0) - step).powi(2)
+        };
+        let rms = ((0..n).map(square).sum::<f64>() / f64::from(n)).sqrt();
+        assert!((rms - expected).abs() < 2e-3, "order {order}: {rms}, not {expected}");
+    }
+}
+
+#[test]
+fn waves_are_no_bound_and_come_round_again() {
+    let mut random = Random(14);
+    let (mut below, mut above) = (0, 0);
+    for _ in 0..10_000 {
+        let window = random.window(8);
+        let z = random.receiver(&window);
+        let (v, truth) = (convolution(&window, &plain_waves(16, 1.0), z), pcf(&window, z));
+        below += usize::from(v < truth - 0.05);
+        above += usize::from(v > truth + 0.05);
+    }
+    assert!(below > 1000 && above > 1000, "{below} darker and {above} lighter");
+    // An occluder at one end of the range and the receiver at the other, d short of a period apart: 0 in truth.
+    for (order, expected) in [
+        (4, [0.484, 0.460, 0.420, 0.342]),
+        (8, [0.468, 0.420, 0.342, 0.197]),
+        (16, [0.436, 0.342, 0.197, 0.0]),
+    ] {
+        for (d, expected) in [0.002, 0.005, 0.01, 0.02].into_iter().zip(expected) {
+            let window = [(0.5 * d, 1.0)];
+            let v = convolution(&window, &plain_waves(order, 0.0), 1.0 - 0.5 * d);
+            assert!((v - expected).abs() < 6e-4, "order {order}, {d}: {v}, not {expected}");
+            let doubled = Waves { scale: 2.0, ..plain_waves(order, 0.0) };
+            let twice = convolution(&window, &doubled, 1.0 - 0.5 * d);
+            assert!((twice - 2.0 * v).abs() < 1e-12, "the scale doubles it: {twice}");
+            // With room of 1 / order between the ends it is the ringing that is left.
+            let room = Waves { margin: 1.0 / f64::from(order), ..plain_waves(order, 1.0) };
+            let v = convolution(&window, &room, 1.0 - 0.5 * d);
+            assert!(v < 0.06, "order {order}, {d}: {v} with room");
+        }
+    }
+    // Level with the receiver the scale makes of 1/2 what it should be.
+    let level = Waves { scale: 2.0, margin: 1.0 / 16.0, ..plain_waves(16, 1.0) };
+    for z in [0.1, 0.5, 0.999] {
+        assert!((convolution(&[(z, 1.0)], &level, z) - 1.0).abs() < 1e-12, "a plane at {z}");
+    }
+}
+
+#[test]
+fn exponentials_cut_off_one_by_one_lie_between_comparisons_and_their_mean() {
+    let mut random = Random(15);
+    let (mut deeper, mut overflow, mut repaired) = (0, 0, 0);
+    for _ in 0..100_000 {
+        let window = random.window(8);
+        let z = random.receiver(&window);
+        let (truth, one_by_one, together) =
+            (pcf(&window, z), clamped_esm(&window, 80.0, z), esm(&window, 80.0, z));
+        assert!(one_by_one >= truth - 1e-12 && one_by_one <= together + 1e-12, "{window:?} at {z}");
+        // What the mean tells, the largest depth tells too.
+        let margin = 1.01f64.ln() / 80.0;
+        let tells = log_mean(&window, 80.0) > z + margin;
+        let is_deeper = window.iter().any(|(depth, _)| *depth > z + margin);
+        assert!(is_deeper || !tells, "the mean of {window:?} is above {z}, none of it is");
+        deeper += usize::from(is_deeper);
+        overflow += usize::from(tells);
+        repaired += usize::from(together > one_by_one + 0.1);
+        // Without a deeper one the mean is exact but for the margin.
+        if !is_deeper {
+            assert!(together <= 1.01 * one_by_one + 1e-9, "{together}, {one_by_one}");
+        }
+    }
+    assert!(
+        overflow > 1000 && overflow < deeper && repaired > 1000,
+        "{overflow} {deeper} {repaired}"
+    );
+    // The cliff: 1 becomes what comparisons say and exp(-c g).
+    let window = [(0.3, 0.79), (0.95, 0.21)];
+    assert_eq!(esm(&window, 80.0, 0.7), 1.0, "together");
+    let expected = 0.21 + 0.79 * (-32.0f64).exp();
+    assert!((clamped_esm(&window, 80.0, 0.7) - expected).abs() < 1e-12, "one by one");
+}
+
+#[test]
+fn depth_filtered_before_the_comparison_is_no_filter() {
+    // Half a kernel on a slab at 0.3, the receiver at 0.7: any share of the slab is all of it.
+    for f in [0.01, 0.5, 0.99] {
+        let window = [(0.3, f), (0.7, 1.0 - f)];
+        assert_eq!(blurred_depth(&window, 0.7), 0.0, "{f} of the slab");
+    }
+    assert_eq!(blurred_depth(&[(0.7, 1.0)], 0.7), 1.0, "none of it");
+    // Softly, the same share is darker the farther the slab is off: comparisons do not know that distance.
+    let soft = |a: f64| soft_comparison(&[(a, 0.25), (0.7, 0.75)], 0.1, 0.7);
+    assert!(soft(0.65) > 0.9 && soft(0.3) == 0.0, "{} and {}", soft(0.65), soft(0.3));
+    let mut random = Random(16);
+    let (mut below, mut above) = (0, 0);
+    for _ in 0..10_000 {
+        let window = random.window(8);
+        let z = random.receiver(&window);
+        let (v, truth) = (soft_comparison(&window, 0.1, z), pcf(&window, z));
+        below += usize::from(v < truth - 0.3);
+        above += usize::from(v > truth + 0.3);
+    }
+    assert!(below > 500 && above > 500, "wrong both ways: {below} darker, {above} lighter");
+}
+
+#[test]
+fn the_ends_of_a_kernel_tell_all_from_none() {
+    let mut random = Random(17);
+    let mut greys = 0;
+    for _ in 0..50_000 {
+        let window = random.window(8);
+        let z = random.receiver(&window);
+        let (truth, own) = (pcf(&window, z), window[random.below(window.len())].0);
+        for v in [multiple_depth(&window, None, z), multiple_depth(&window, Some(own), z)] {
+            assert_eq!(v == 1.0, window.iter().all(|(depth, _)| *depth >= z), "{window:?} at {z}");
+            assert_eq!(v == 0.0, window.iter().all(|(depth, _)| *depth < z), "{window:?} at {z}");
+            greys += usize::from(v > 0.0 && v < 1.0 && (v - truth).abs() > 0.25);
+        }
+    }
+    assert!(greys > 1000, "the proportion does not matter, yet {greys} are far off");
 }

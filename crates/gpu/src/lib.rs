@@ -13,12 +13,15 @@ mod context;
 mod edges;
 mod error;
 mod expectation;
+mod lines;
 mod mesh_set;
 mod pipeline;
 mod probe;
+mod pyramid;
 mod readback;
 mod record;
 mod samples;
+mod sat;
 mod scan;
 mod technique;
 
@@ -27,12 +30,15 @@ pub use context::{Gpu, GpuOptions};
 pub use edges::{Body, CasterEdges, EdgeFault, Edges};
 pub use error::GpuError;
 pub use expectation::Expectation;
+pub use lines::LayerJob;
 pub use mesh_set::MeshSet;
 pub use pipeline::{BindGroupCache, bind, entries};
 pub use probe::{Check, Probe, Verdict, probe};
-pub use readback::{read_buffer, read_f32_texture};
+pub use pyramid::{Anchor, Beyond, Pyramid, PyramidKind};
+pub use readback::{read_buffer, read_f32_level, read_f32_texture, read_u32_texture};
 pub use record::{PassTime, PassTimes, Recorder, Timer};
 pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSamples};
+pub use sat::{Sat, SatNumbers, SatShader, sat_rounding};
 pub use scan::Scan;
 pub use technique::{
     CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique,

@@ -225,21 +225,28 @@ impl MeshSet {
 
     /// The parts that can shadow something under `light`.
     fn casting(&self, light: &Light) -> impl Iterator<Item = &Part> {
-        let lies_below = move |floor: &DVec4| match *light {
+        self.parts.iter().filter(self.can_cast(light))
+    }
+
+    fn can_cast(&self, light: &Light) -> impl Fn(&&Part) -> bool {
+        let light = *light;
+        let lies_below = move |floor: &DVec4| match light {
             // A wide sun that dips below the floor's plane still only lights it from behind.
             Light::Directional { direction, .. } => direction.dot(floor.truncate()) <= 0.0,
             _ => light.position().is_some_and(|p| p.dot(floor.truncate()) + floor.w >= 0.0),
         };
         let cull = self.cull;
-        self.parts.iter().filter(move |part| !(cull && part.floor.as_ref().is_some_and(lies_below)))
+        move |part| !(cull && part.floor.as_ref().is_some_and(lies_below))
     }
 
     /// Calls `visit` with the ranges of the index buffer that can shadow something in `view`. Clusters that follow
     /// one another are one range.
     fn runs(&self, view: &LightView<'_>, mut visit: impl FnMut(Range<u32>)) {
         let seen = |bounds: &Bounds| !(self.cull && outside(view, bounds));
+        let casts = self.can_cast(view.light);
+        let matters = |part: &&Part| (view.receivers || casts(part)) && seen(&part.bounds);
         let mut run = 0..0;
-        for part in self.casting(view.light).filter(|part| seen(&part.bounds)) {
+        for part in self.parts.iter().filter(matters) {
             for cluster in part.clusters.iter().filter(|cluster| seen(&cluster.bounds)) {
                 if run.end != cluster.indices.start {
                     let done = std::mem::replace(&mut run, cluster.indices.clone());

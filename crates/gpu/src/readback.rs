@@ -25,19 +25,69 @@ pub fn read_f32_texture(
     texture: &wgpu::Texture,
     layer: u32,
 ) -> Result<Vec<f32>, GpuError> {
-    let bytes_per_texel = match texture.format() {
-        wgpu::TextureFormat::R32Float | wgpu::TextureFormat::Depth32Float => 4,
-        wgpu::TextureFormat::Rg32Float => 8,
-        wgpu::TextureFormat::Rgba32Float => 16,
-        other => {
-            return Err(GpuError::Invalid {
-                what: "format of a texture to read back",
-                value: format!("{other:?}"),
-                fix: "use a 32-bit float format",
-            });
-        }
+    use wgpu::TextureFormat::{Depth32Float, R32Float, Rg32Float, Rgba32Float};
+    let bytes = match texture.format() {
+        R32Float | Depth32Float => 4,
+        Rg32Float => 8,
+        Rgba32Float => 16,
+        other => return Err(unreadable(other, "use a 32-bit float format")),
     };
-    let (width, height) = (texture.width(), texture.height());
+    read_level(gpu, texture, [layer, 0], bytes, f32::from_ne_bytes)
+}
+
+/// As [`read_f32_texture`], for any layer and mip level.
+///
+/// # Errors
+/// As [`read_f32_texture`].
+pub fn read_f32_level(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    layer: u32,
+    mip: u32,
+) -> Result<Vec<f32>, GpuError> {
+    use wgpu::TextureFormat::{R32Float, Rg32Float, Rgba32Float};
+    let bytes = match texture.format() {
+        R32Float => 4,
+        Rg32Float => 8,
+        Rgba32Float => 16,
+        other => return Err(unreadable(other, "use a 32-bit float format")),
+    };
+    read_level(gpu, texture, [layer, mip], bytes, f32::from_ne_bytes)
+}
+
+/// As [`read_f32_texture`], for textures of integers (`R32Uint`, `Rg32Uint` or `Rgba32Uint`).
+///
+/// # Errors
+/// As [`read_f32_texture`].
+pub fn read_u32_texture(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    layer: u32,
+) -> Result<Vec<u32>, GpuError> {
+    use wgpu::TextureFormat::{R32Uint, Rg32Uint, Rgba32Uint};
+    let bytes = match texture.format() {
+        R32Uint => 4,
+        Rg32Uint => 8,
+        Rgba32Uint => 16,
+        other => return Err(unreadable(other, "use a format of 32-bit unsigned integers")),
+    };
+    read_level(gpu, texture, [layer, 0], bytes, u32::from_ne_bytes)
+}
+
+fn unreadable(format: wgpu::TextureFormat, fix: &'static str) -> GpuError {
+    let (what, value) = ("format of a texture to read back", format!("{format:?}"));
+    GpuError::Invalid { what, value, fix }
+}
+
+fn read_level<T>(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    [layer, mip]: [u32; 2],
+    bytes_per_texel: u32,
+    value: impl Fn([u8; 4]) -> T,
+) -> Result<Vec<T>, GpuError> {
+    let side = |side: u32| (side >> mip).max(1);
+    let (width, height) = (side(texture.width()), side(texture.height()));
     let row = width * bytes_per_texel;
     let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let staging = staging(gpu, u64::from(padded) * u64::from(height));
@@ -50,7 +100,7 @@ pub fn read_f32_texture(
     encoder.copy_texture_to_buffer(
         wgpu::TexelCopyTextureInfo {
             texture,
-            mip_level: 0,
+            mip_level: mip,
             origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
             aspect,
         },
@@ -69,7 +119,7 @@ pub fn read_f32_texture(
     let values = bytes
         .chunks_exact(padded as usize)
         .flat_map(|line| line[..row as usize].chunks_exact(4))
-        .map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]))
+        .map(|b| value([b[0], b[1], b[2], b[3]]))
         .collect();
     Ok(values)
 }

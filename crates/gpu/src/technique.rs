@@ -124,6 +124,9 @@ pub struct LightView<'a> {
     /// Half-spaces (xyz inward unit normal, w offset; points relative to the frame's origin). A caster that lies
     /// wholly outside of one of them need not be drawn: it shadows nothing that is looked up.
     pub volume: &'a [DVec4],
+    /// Whether surfaces that receive shadows and cast none are to be drawn too: where maps are averaged, what is not
+    /// there counts as infinitely far (Eisemann, Schwarz, Assarsson, Wimmer 2011, section 5.3.6).
+    pub receivers: bool,
 }
 
 /// What one call of [`Casters::draw`] drew.

@@ -24,7 +24,7 @@ fn hull() -> Vec<DVec3> {
 
 fn fits(c: &mut Criterion) {
     let hull = hull();
-    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4 };
+    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false };
     let lights = [
         ("directional", Light::sun(0.8, 0.6, 0.0)),
         (

@@ -25,6 +25,9 @@ pub struct Fitting {
     /// Width of the band around the casters that stays free of them, texels: the kernel's radius and one
     /// more. On a map too small for it the band shrinks to what leaves one texel.
     pub guard: u32,
+    /// Whether what only receives shadows is drawn too. An orthographic view's depth then goes on behind the
+    /// farthest caster, as far as [`crate::LinearDepth`] does.
+    pub receivers: bool,
 }
 
 /// A fitted view of a light.
@@ -59,17 +62,22 @@ pub struct SeenView {
     /// Half-spaces (xyz inward unit normal, w offset; points relative to the origin) outside of any of which a
     /// caster has no say in this view; none where every caster has.
     pub volume: Vec<DVec4>,
+    /// Two points (relative to the origin) between which, along the view's axis, lies every caster that has a say, and
+    /// every visible receiver where these are drawn; `None` where every caster has. They move in steps, as the window
+    /// does.
+    pub ends: Option<[DVec3; 2]>,
 }
 
 impl SeenView {
     fn new(light: DVec4, fit: Option<Fit>) -> Self {
-        let (clip, volume) = fit.unzip();
-        Self { view: FittedView { clip, light }, volume: volume.unwrap_or_default() }
+        let clip = fit.as_ref().map(|fit| fit.clip);
+        let (volume, ends) = fit.map(|fit| (fit.volume, fit.ends)).unwrap_or_default();
+        Self { view: FittedView { clip, light }, volume, ends }
     }
 
     /// A view to which nothing was fitted: every caster has a say.
     pub(crate) fn whole(view: FittedView) -> Self {
-        Self { view, volume: Vec::new() }
+        Self { view, volume: Vec::new(), ends: None }
     }
 }
 
@@ -92,8 +100,12 @@ struct Needed {
     volume: Vec<DVec4>,
 }
 
-/// A matrix, and half-spaces that hold what it has to show.
-type Fit = (DMat4, Vec<DVec4>);
+/// A matrix, and what holds all that it has to show: half-spaces, and ends along its axis.
+struct Fit {
+    clip: DMat4,
+    volume: Vec<DVec4>,
+    ends: Option<[DVec3; 2]>,
+}
 
 /// Steps of the texel's size per doubling, for windows that follow the camera: 9 % are lost at most.
 const STEPS: f64 = 8.0;
@@ -149,7 +161,8 @@ pub fn fit_seen(
 
 /// As [`fit_seen`], for one perspective view of a light at `eye` (relative to the origin), down -z of `basis`, whose
 /// rows are right, up and back, at most `tan_limit` wide and high on either side.
-pub(crate) fn fit_perspective(
+#[must_use]
+pub fn fit_perspective(
     light: &Light,
     (eye, basis, tan_limit): (DVec3, DMat3, DVec2),
     hull: &[DVec3],
@@ -266,7 +279,9 @@ impl Stand<'_> {
         // reaches beyond both by more than the rounding of a transformed vertex.
         let pad = (all[2].1 - all[2].0) * 2f64.powi(-12) + least;
         let (mut far, mut near) = (all[2].0 - pad, all[2].1 + pad);
-        let (mut seen, mut volume) = ([None; 2], Vec::new());
+        let (mut seen, mut volume, mut ends) = ([None; 2], Vec::new(), None);
+        // Where the last receiver that matters lies, if that is known.
+        let mut last = None;
         if let Some(sight) = self.sight {
             let widest = |points: &[DVec3]| {
                 let extents = [0, 1].map(|i| axis(points, i)).map(|a| a.1 - a.0);
@@ -283,9 +298,18 @@ impl Stand<'_> {
             far = far.max(end + ((lo - pad - end) / step).floor() * step);
             near = near.min(end + ((hi + pad - end) / step).ceil() * step);
             volume = needed.volume;
+            let (lo, _) = axis(&needed.receivers, 2);
+            last = Some(end + ((lo - pad - end) / step).floor() * step);
+            ends = Some([near, far]);
         }
         let (left, right) = fitting.window(all[0], seen[0], least);
         let (bottom, top) = fitting.window(all[1], seen[1], least);
+        if fitting.receivers {
+            let beyond = far - (near - far).max(right - left);
+            far = last.map_or(beyond, |last| last.max(beyond).min(far));
+            ends = ends.map(|[near, _]| [near, far]);
+        }
+        let ends = ends.map(|ends| ends.map(|z| basis.row(2) * z));
         let scale = DVec3::new(2.0 / (right - left), 2.0 / (top - bottom), 1.0 / (near - far));
         let shift = DVec3::new(
             -(right + left) / (right - left),
@@ -293,7 +317,7 @@ impl Stand<'_> {
             -far / (near - far),
         );
         let linear = DMat3::from_diagonal(scale) * *basis;
-        Some((DMat4::from_mat3_translation(linear, shift), volume))
+        Some(Fit { clip: DMat4::from_mat3_translation(linear, shift), volume, ends })
     }
 
     /// A perspective view from `eye` down -z of the basis, at most `tan_limit` wide on either side, with infinite
@@ -303,8 +327,9 @@ impl Stand<'_> {
         let local = |points: &[DVec3]| -> Vec<DVec3> {
             points.iter().map(|p| basis * (*p - eye)).collect()
         };
-        let casters = Frontal::of(&local(self.points), tan_limit)?;
-        let (mut near, mut seen, mut volume) = (casters.near, [None; 2], Vec::new());
+        let all = Frontal::of(&local(self.points), tan_limit)?;
+        let (mut near, mut seen) = (all.near, [None; 2]);
+        let (mut volume, mut ends) = (Vec::new(), None);
         if let Some(sight) = self.sight {
             let widest = |receivers: &[DVec3]| {
                 let widest = 2.0 * tan_limit.max_element();
@@ -319,21 +344,32 @@ impl Stand<'_> {
             let needed = sight.needed(self.light, &cone, widest, fitting)?;
             let (receivers, casters) = (local(&needed.receivers), local(&needed.casters));
             let receivers = Frontal::of(&receivers, tan_limit)?;
-            let casters = Frontal::of(&casters, tan_limit)?;
+            let matter = Frontal::of(&casters, tan_limit)?;
             for (i, seen) in seen.iter_mut().enumerate() {
-                *seen = Some(shared(casters.window[i], receivers.window[i])?);
+                *seen = Some(shared(matter.window[i], receivers.window[i])?);
             }
-            near *= (casters.near / near).log2().floor().exp2();
+            near *= (matter.near / near).log2().floor().exp2();
+            let step = |distance: f64| {
+                let steps = (all.farthest / distance).log2() * STEPS;
+                all.farthest * (-steps.floor() / STEPS).exp2()
+            };
+            let mut far = step(matter.farthest);
+            if fitting.receivers {
+                // As far again, or as wide as the view is there.
+                let beyond = far + (far - near).max(2.0 * far * tan_limit.max_element());
+                far = step(receivers.farthest).clamp(far, beyond);
+            }
             volume = needed.volume;
+            ends = Some([near, far].map(|distance| eye - basis.row(2) * distance));
         }
         let window = |i: usize| {
             let widest = (-tan_limit[i], tan_limit[i]);
-            let all = shared(casters.window[i], widest)?;
+            let whole = shared(all.window[i], widest)?;
             let seen = match seen[i] {
                 Some(seen) => Some(shared(seen, widest)?),
                 None => None,
             };
-            Some(fitting.window(all, seen, tan_limit[i] * LEAST_SHARE))
+            Some(fitting.window(whole, seen, tan_limit[i] * LEAST_SHARE))
         };
         let ((left, right), (bottom, top)) = (window(0)?, window(1)?);
         let projection = DMat4::from_cols(
@@ -343,7 +379,7 @@ impl Stand<'_> {
             DVec4::new(0.0, 0.0, near, 0.0),
         );
         let clip = projection * DMat4::from_mat3_translation(basis, basis * -eye);
-        Some((clip, volume))
+        Some(Fit { clip, volume, ends })
     }
 }
 
@@ -356,6 +392,8 @@ struct Frontal {
     window: [(f64, f64); 2],
     /// Distance of a near plane that cuts off none of them, or next to nothing.
     near: f64,
+    /// The largest distance along the axis.
+    farthest: f64,
 }
 
 impl Frontal {
@@ -373,7 +411,7 @@ impl Frontal {
                 (-tan_limit[i], tan_limit[i])
             }
         });
-        Some(Self { window, near })
+        Some(Self { window, near, farthest })
     }
 }
 
@@ -393,7 +431,7 @@ mod tests {
 
     use super::*;
 
-    const FITTING: Fitting = Fitting { origin: DVec3::ZERO, size: 256, guard: 2 };
+    const FITTING: Fitting = Fitting { origin: DVec3::ZERO, size: 256, guard: 2, receivers: false };
 
     fn cube_corners(center: DVec3, half: f64) -> Vec<DVec3> {
         (0..8)
@@ -548,6 +586,29 @@ mod tests {
         ]
     }
 
+    /// Corners of casters in a view's half-spaces lie between its ends, or before its near plane.
+    fn ends_hold_what_is_in_the_volume(seen: &[SeenView], casters: &[Bounds]) {
+        for SeenView { view, volume, ends } in seen {
+            let (Some(clip), Some([near, far])) = (&view.clip, ends) else { continue };
+            // Depth grows towards the light for both projections.
+            let depth = |p: DVec3| {
+                let c = clip * p.extend(1.0);
+                if c.w > 0.0 { c.z / c.w } else { f64::INFINITY }
+            };
+            for corner in corners(casters) {
+                if volume.iter().all(|plane| crate::visible::side(plane, corner) >= 0.0) {
+                    let found = depth(corner);
+                    let (first, last) = (depth(*near), depth(*far));
+                    assert!(found >= last * (1.0 - 1e-9), "{corner} beyond the far end");
+                    assert!(
+                        found <= first * (1.0 + 1e-9) || found > 1.0,
+                        "{corner} before the near end"
+                    );
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_fit_to_what_is_seen_is_no_wider_and_holds_every_caster_that_matters() {
         let town = town();
@@ -575,6 +636,7 @@ mod tests {
                     );
                     narrower += usize::from(scales[0] * scales[1] > 4.0 * all[0] * all[1]);
                 }
+                ends_hold_what_is_in_the_volume(&seen, &town);
                 // A point of a caster between a corner of the region and the light, in the view that looks there.
                 let receivers: Vec<DVec3> = region.corners().collect();
                 for (i, p) in receivers.iter().enumerate() {

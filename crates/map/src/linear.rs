@@ -11,17 +11,17 @@ use crate::DepthConvention;
 /// say nothing about distances. Linear depth is distance along the view's axis (the face's axis, for a
 /// cube; not the distance from the light, which would bend planes that the axis keeps straight), 0 at the
 /// nearest caster. It reaches 1 behind the farthest caster by as much as the casters are deep or the window
-/// is wide there, whichever is more. Empty texels count as there, and so does every receiver beyond the last
-/// caster: it is far behind every caster, and a kernel over an empty neighbourhood sees the receiver's own
-/// depth, as if it had been drawn.
+/// is wide there, whichever is more. Empty texels count as there. Where receivers are not drawn, so does every one
+/// beyond the last caster: a kernel over an empty neighbourhood sees the receiver's own depth, as if it had been
+/// drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearDepth {
     /// x, y, z, w.
     pub coefficients: [f64; 4],
     /// The depth of an empty texel.
     pub empty: f64,
-    /// Linear depth beyond which there is no caster: the farthest one's and 2^-10 more, which is far more than
-    /// rounding makes of it and less than any shadow shows.
+    /// Linear depth beyond which nothing is drawn: the farthest caster's and 2^-10 more, which is far more than
+    /// rounding makes of it and less than any shadow shows; 1 where receivers are drawn.
     pub last: f64,
 }
 
@@ -33,6 +33,23 @@ impl LinearDepth {
     /// convex hull is that of `hull`, in the space that `clip` takes.
     #[must_use]
     pub fn new(clip: &DMat4, hull: &[DVec3], convention: DepthConvention) -> Self {
+        Self::over(clip, hull, convention, end)
+    }
+
+    /// The function that is 0 and 1 at two points along the view's axis, between which all lies that is drawn, what
+    /// only receives shadows included.
+    #[must_use]
+    pub fn between(clip: &DMat4, ends: &[DVec3; 2], convention: DepthConvention) -> Self {
+        Self::over(clip, ends, convention, |_, far, _| far).with_receivers()
+    }
+
+    /// `end` gives the depth that becomes 1, of the nearest, the farthest and the window's width there.
+    fn over(
+        clip: &DMat4,
+        hull: &[DVec3],
+        convention: DepthConvention,
+        end: impl Fn(f64, f64, f64) -> f64,
+    ) -> Self {
         let (depth, across, w) = (clip.row(2), clip.row(0).truncate(), clip.row(3));
         let axis = w.truncate();
         let empty = f64::from(convention.clear());
@@ -76,6 +93,12 @@ impl LinearDepth {
             empty: 0.0,
             last: (last - first) / range + BEYOND,
         }
+    }
+
+    /// The same function for a map that holds receivers too: nothing needs to be put where it is not.
+    #[must_use]
+    pub fn with_receivers(self) -> Self {
+        Self { last: 1.0, ..self }
     }
 
     /// Linear depth of a texel that holds `d`.
@@ -159,7 +182,7 @@ mod tests {
             Light::Point { position: DVec3::new(0.5, 4.0, 0.5) },
         ] {
             for hull in [&hull, &flat] {
-                let fitting = Fitting { origin: DVec3::ZERO, size: 64, guard: 2 };
+                let fitting = Fitting { origin: DVec3::ZERO, size: 64, guard: 2, receivers: false };
                 let views = fit(&light, hull, &fitting).expect("a valid light");
                 for clip in views.iter().filter_map(|v| v.clip) {
                     let linear = LinearDepth::new(&clip, hull, DepthConvention::REVERSED_F32);

@@ -15,6 +15,7 @@ use crate::{
 pub struct ShadowMap {
     size: u32,
     guard: u32,
+    draws_receivers: bool,
     arrange: Box<dyn Arrange>,
     matrices: Matrices,
     stride: u32,
@@ -82,6 +83,7 @@ impl ShadowMap {
         Ok(Self {
             size,
             guard,
+            draws_receivers: false,
             arrange,
             matrices,
             stride,
@@ -97,7 +99,14 @@ impl ShadowMap {
         })
     }
 
-    /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their matrices, and makes the layers that they need.
+    /// Has surfaces that cast no shadow drawn too, for stores that average depth.
+    #[must_use]
+    pub fn with_receivers(self, receivers: bool) -> Self {
+        Self { draws_receivers: receivers, ..self }
+    }
+
+    /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their
+    /// matrices, and makes the layers that they need.
     ///
     /// # Errors
     /// A light that cannot be fitted, or a failed allocation.
@@ -105,17 +114,22 @@ impl ShadowMap {
         self.hull.clear();
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
-        let fitting = Fitting { origin: frame.origin, size: self.size, guard: self.guard };
+        let fitting = Fitting {
+            origin: frame.origin,
+            size: self.size,
+            guard: self.guard,
+            receivers: self.draws_receivers,
+        };
         let region = self.visible_region(frame);
         let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
         let seen = self.arrange.fit(frame, &self.hull, sight.as_ref(), &fitting)?;
+        self.measure_depth(frame, &seen);
         (self.views, self.volumes) =
-            seen.into_iter().map(|SeenView { view, volume }| (view, volume)).unzip();
+            seen.into_iter().map(|SeenView { view, volume, .. }| (view, volume)).unzip();
         let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
         if needed > self.matrices.capacity {
             self.matrices = Matrices::new(gpu, self.stride, needed);
         }
-        self.measure_depth(frame);
         for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
             let offset = layer as u64 * u64::from(self.stride);
             let matrix = clip.as_mat4().to_cols_array();
@@ -129,23 +143,28 @@ impl ShadowMap {
         Ok(())
     }
 
-    /// Linear depth over the casters, layer by layer.
-    fn measure_depth(&mut self, frame: &Frame<'_>) {
+    /// Linear depth over the casters that matter, layer by layer.
+    fn measure_depth(&mut self, frame: &Frame<'_>, seen: &[SeenView]) {
         for point in &mut self.hull {
             *point -= frame.origin;
         }
         let convention = DepthConvention::REVERSED_F32;
         let is_curved = self.arrange.layout(frame.light).drawing != Drawing::Matrix;
-        let hull = &self.hull;
-        let linear = |view: &FittedView| {
+        let linear = |SeenView { view, ends, .. }: &SeenView| {
             let clip = view.clip?;
-            Some(if is_curved {
-                LinearDepth::radial(clip.w_axis.w, view.light.truncate(), hull)
-            } else {
-                LinearDepth::new(&clip, hull, convention)
-            })
+            let linear = match ends {
+                Some(ends) if self.draws_receivers => {
+                    return Some(LinearDepth::between(&clip, ends, convention));
+                }
+                Some(ends) => LinearDepth::new(&clip, ends, convention),
+                None if is_curved => {
+                    LinearDepth::radial(clip.w_axis.w, view.light.truncate(), &self.hull)
+                }
+                None => LinearDepth::new(&clip, &self.hull, convention),
+            };
+            Some(if self.draws_receivers { linear.with_receivers() } else { linear })
         };
-        self.linear = self.views.iter().filter_map(linear).collect();
+        self.linear = seen.iter().filter_map(linear).collect();
     }
 
     /// The depth pass of a layout that is drawn by its own, from the casters' triangles.
@@ -256,6 +275,7 @@ impl ShadowMap {
             light,
             origin,
             volume,
+            receivers: self.draws_receivers,
         })
     }
 

@@ -33,6 +33,11 @@ pub trait Store: std::fmt::Debug {
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError>;
 
+    /// Whether the store averages depth and so needs every surface in the map, those that cast no shadow too.
+    fn needs_receivers(&self) -> bool {
+        false
+    }
+
     /// Whether the store draws the casters itself. Then the map's own depth passes are left out, and its layers
     /// are the store's to use.
     fn draws(&self) -> bool {
@@ -55,6 +60,15 @@ pub trait Store: std::fmt::Debug {
 
     /// Work of the last [`Store::encode`].
     fn counters(&self) -> Counters;
+
+    /// As [`Store::counters`], with what only the GPU knows. Waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let _ = gpu;
+        Ok(self.counters())
+    }
 
     /// Bytes of GPU memory held.
     fn bytes(&self) -> u64;

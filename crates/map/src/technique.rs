@@ -101,6 +101,20 @@ impl MapTechnique {
         Self::build(gpu, config, estimator, arrange, None)
     }
 
+    /// As [`MapTechnique::arranged`], for an estimator that reads `store` instead of the depth map.
+    ///
+    /// # Errors
+    /// As [`MapTechnique::new`].
+    pub fn arranged_with_store(
+        gpu: &Gpu,
+        config: &MapConfig,
+        estimator: Estimator,
+        arrange: Box<dyn Arrange>,
+        store: Box<dyn Store>,
+    ) -> Result<Self, GpuError> {
+        Self::build(gpu, config, estimator, arrange, Some(store))
+    }
+
     fn build(
         gpu: &Gpu,
         config: &MapConfig,
@@ -111,7 +125,8 @@ impl MapTechnique {
         config.bias.validate()?;
         // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
         let guard = estimator.radius.ceil() as u32 + 1;
-        let map = ShadowMap::new(gpu, config.size, guard, arrange)?;
+        let receivers = store.as_ref().is_some_and(|s| s.needs_receivers());
+        let map = ShadowMap::new(gpu, config.size, guard, arrange)?.with_receivers(receivers);
         Ok(Self {
             config: *config,
             estimator,
@@ -243,6 +258,14 @@ impl Technique for MapTechnique {
 
     fn counters(&self) -> Counters {
         self.counters.clone()
+    }
+
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters();
+        if let Some(store) = &self.store {
+            counters.extend(store.read_counters(gpu)?);
+        }
+        Ok(counters)
     }
 
     fn bytes(&self) -> u64 {

@@ -1,1 +1,26 @@
-//! Soft shadows of area lights from what the light sees: percentage-closer soft shadows, back projection and their kin.
+//! Soft shadows of area lights from what the light's centre sees: percentage-closer soft shadows, back projection and
+//! occlusion bitmasks.
+//!
+//! All of them ask one question: which texels of the map lie between a receiver and the light. An occluder at the
+//! distance z from the light's plane does so within a window of half size `h (1/z - 1/z_p)`, in slopes, around a receiver
+//! at z_p with a light of half size h. That formula is in `soft/area.wesl`, once, and its twin in [`twin::View`];
+//! `soft/search.wesl` finds the window, and the techniques differ in what they make of the texels in it.
+//!
+//! The map is drawn by the layouts and passes of [`antumbra_map`], from the centre of the light; [`Facing`] turns a cube so
+//! that two of its faces are parallel to a rectangle or a disc. A light without an extent gives the plain shadow map's
+//! answer, bit for bit.
+
+mod back_projection;
+mod bitmask;
+mod expectation;
+mod facing;
+mod pcss;
+mod store;
+pub mod twin;
+mod window;
+
+pub use back_projection::BackProjection;
+pub use bitmask::{Bitmask, Occluders, Samples};
+pub use facing::Facing;
+pub use pcss::Pcss;
+pub use window::Window;

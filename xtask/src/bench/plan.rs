@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use antumbra::{Config, catalogue};
-use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
+use antumbra_filter::{
+    Esm, Fallback, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm, Table,
+};
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
+use antumbra_soft::{Bitmask, Occluders, Pcss};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -122,6 +125,8 @@ fn entries() -> Vec<Entry> {
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
+    let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
             variant("tetrahedron", plain(Omni::Tetrahedron)),
@@ -147,6 +152,14 @@ fn entries() -> Vec<Entry> {
             variant("5-hw", castano(5, true)),
             variant("7-hw", castano(7, true)),
             variant("32", Config::PcfPoisson(PcfPoisson { taps: 32, ..Default::default() })),
+            variant("all", Config::Pcss(Pcss { search: 0, filter: 0, ..Default::default() })),
+            variant("micropatch", bitmask(Occluders::Micropatch)),
+            variant("closed", bitmask(Occluders::ClosedMicropatch)),
+            variant("exact", bitmask(Occluders::ExactMicroquad)),
+            variant("microtri", bitmask(Occluders::Microtri)),
+            variant("overflow", fallback(Fallback::Overflow)),
+            variant("deeper", fallback(Fallback::Deeper)),
+            variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
         ])
         .collect()
 }

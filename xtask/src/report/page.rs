@@ -312,7 +312,7 @@ fn picture(uri: Option<&String>, what: &str, run: &Run) -> Markup {
 fn stability_section(cases: &[StabilityCase]) -> Markup {
     let rows = in_order(cases.iter().map(|c| c.case.as_str()));
     let columns = in_order(cases.iter().map(|c| c.technique.as_str()));
-    let failed = cases.iter().filter(|c| !c.pass).count();
+    let failed = cases.iter().filter(|c| c.is_surprise()).count();
     let find =
         |row: &str, column: &str| cases.iter().find(|c| c.case == row && c.technique == column);
     html! {
@@ -357,11 +357,11 @@ fn stability_section(cases: &[StabilityCase]) -> Markup {
 
 fn stability_cell(case: &StabilityCase) -> Markup {
     let (class, word) = match (case.pass, case.expected) {
-        (false, _) => ("failed", "FAILED"),
-        (true, Expected::Holds) => ("ok", "holds"),
-        (true, Expected::KnownLimit) => ("limit", "known limit"),
-        (true, Expected::Refuses) => ("limit", "refused"),
-        (true, Expected::Unsaid) => ("limit", "not judged"),
+        (Some(false), _) => ("failed", "FAILED"),
+        (None, _) | (_, Expected::Unsaid) => ("none", "not judged"),
+        (_, Expected::Holds) => ("ok", "holds"),
+        (_, Expected::KnownLimit) => ("limit", "known limit"),
+        (_, Expected::Refuses) => ("limit", "refused"),
     };
     let measured = case.measured.map_or_else(|| "–".to_owned(), number);
     let allowed = match (case.at_least, case.bound) {
@@ -369,7 +369,7 @@ fn stability_cell(case: &StabilityCase) -> Markup {
         (None, Some(high)) => format!(" ≤ {}", number(high)),
         _ => String::new(),
     };
-    let allowed = if case.pass { allowed } else { format!(", not{allowed}") };
+    let allowed = if case.is_surprise() { format!(", not{allowed}") } else { allowed };
     html! {
         td class=(class) {
             b { (word) }

@@ -198,6 +198,7 @@ impl Fitter {
                 light: frame.light,
                 origin: frame.origin,
                 volume: &view.volume,
+                receivers: false,
             };
             frame.casters.ranges(&light_view, &mut |range| {
                 blocks.extend(

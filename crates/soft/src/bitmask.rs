@@ -1,0 +1,134 @@
+//! Occlusion bitmasks.
+
+use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
+use antumbra_map::{Estimator, MapConfig};
+use antumbra_shaders::module;
+use serde::{Deserialize, Serialize};
+
+use crate::expectation;
+use crate::pcss::build;
+use crate::window::Window;
+
+/// How many samples of the light a mask has a bit for: tiles of a rotated grid of four.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Samples {
+    /// 4 x 4 tiles.
+    S64,
+    /// 8 x 8 tiles, as published (default).
+    #[default]
+    S256,
+    /// 16 x 16 tiles.
+    S1024,
+}
+
+impl Samples {
+    /// Tiles a side.
+    #[must_use]
+    pub fn tiles(self) -> u32 {
+        match self {
+            Self::S64 => 4,
+            Self::S256 => 8,
+            Self::S1024 => 16,
+        }
+    }
+
+    /// Constants of `soft/mask.wesl`: tiles a side, rows of tiles a word, and a 1 at the start of each row.
+    #[must_use]
+    pub fn constants(self) -> String {
+        let (rows, repeat) = match self {
+            Self::S64 => (4, 0x1111_u32),
+            Self::S256 => (4, 0x0101_0101),
+            Self::S1024 => (2, 0x0001_0001),
+        };
+        let tiles = self.tiles();
+        format!(
+            "const TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\nconst REPEAT: u32 = {repeat}u;\n"
+        )
+    }
+}
+
+/// What a small occluder is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Occluders {
+    /// A texel as a rectangle parallel to the light. Light leaks between those of a sloping surface.
+    Micropatch,
+    /// The same, drawn out to its left, lower and diagonal neighbour (Guennebaud, Barthe, Paulin 2006; Bavoil 2008): no
+    /// leaks, and no slits where there should be.
+    ClosedMicropatch,
+    /// Four texel centres as corners, and the rectangle of their means (default). No leaks; what is one texel wide is lost.
+    #[default]
+    Microquad,
+    /// Four texel centres, and exactly what they hide (Schwarz, Stamminger 2008).
+    ExactMicroquad,
+    /// The same, and three texel centres where the fourth is missing.
+    Microtri,
+}
+
+impl Occluders {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Micropatch,
+        Self::ClosedMicropatch,
+        Self::Microquad,
+        Self::ExactMicroquad,
+        Self::Microtri,
+    ];
+
+    pub(crate) fn is_quad(self) -> bool {
+        !matches!(self, Self::Micropatch | Self::ClosedMicropatch)
+    }
+
+    fn constants(self) -> String {
+        let close = self == Self::ClosedMicropatch;
+        let exact = matches!(self, Self::ExactMicroquad | Self::Microtri);
+        let tris = self == Self::Microtri;
+        format!(
+            "const CLOSE: bool = {close};\nconst EXACT: bool = {exact};\nconst TRIS: bool = {tris};\n"
+        )
+    }
+}
+
+/// Bitmask soft shadows (Schwarz, Stamminger 2007): a bit for each sample of the light, set by whatever hides it, so that
+/// occluders are joined as they should be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Bitmask {
+    /// The shadow map.
+    pub map: MapConfig,
+    /// The search for occluders. Cost: one to four fetches and some 100 integer operations a texel of the window.
+    pub window: Window,
+    /// Samples of the light, default 256. Cost: in proportion, a texel's operations.
+    pub samples: Samples,
+    /// What occludes, default microquads.
+    pub occluders: Occluders,
+}
+
+impl Bitmask {
+    fn estimator(&self) -> Estimator {
+        let quad = self.occluders.is_quad();
+        let path = if quad { "soft::microquad" } else { "soft::micropatch" };
+        let constants = self.samples.constants() + &self.occluders.constants();
+        let texels = match self.occluders {
+            Occluders::Micropatch => 1,
+            _ => 4,
+        };
+        let fetches = self.window.budget.saturating_pow(2).saturating_mul(texels);
+        self.window.estimator("soft::bitmask", vec![module("occluders", path)], &constants, fetches)
+    }
+}
+
+impl TechniqueConfig for Bitmask {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        build(gpu, &self.map, self.estimator(), &self.window)
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.map.size = size;
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        expectation::expectation(&self.map, case)
+    }
+}

@@ -1,0 +1,118 @@
+//! Views from the centre of an area light: a cube turned as the light is.
+
+use antumbra_gpu::{Frame, GpuError, check_light};
+use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_perspective, fit_seen};
+use antumbra_scene::Light;
+use glam::{DMat3, DVec2, DVec3};
+
+/// One view for a wide sun; six for a sphere, a rectangle or a disc, of which two are parallel to it. A light without an
+/// extent has the views of [`Omni`].
+///
+/// All casters count, seen or not: what hides a part of the light from a receiver need not lie on the way to its centre.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Facing {
+    /// Layout of point lights, and of lights of size 0.
+    pub hard: Omni,
+}
+
+/// The half width of a face, tangent of an angle: 90 degrees' and the room for search windows beyond, which grow without
+/// bounds as casters come near the light. At 3 a caster is missed that lies nearer than half the light's half size to its
+/// plane and more than 72 degrees off the face's axis.
+const WIDEST: f64 = 3.0;
+
+impl Arrange for Facing {
+    fn layout(&self, light: &Light) -> Layout {
+        if light.is_hard() {
+            return self.hard.layout(light);
+        }
+        match light {
+            Light::Directional { .. } => Layout::single(),
+            _ => Layout::of_matrices("soft::layout_turned", 6),
+        }
+    }
+
+    fn fit(
+        &self,
+        frame: &Frame<'_>,
+        hull: &[DVec3],
+        sight: Option<&Sight<'_>>,
+        fitting: &Fitting,
+    ) -> Result<Vec<SeenView>, GpuError> {
+        let light = frame.light;
+        check_extent(light)?;
+        if light.is_hard() {
+            return self.hard.fit(frame, hull, sight, fitting);
+        }
+        let Some(center) = light.position() else {
+            return fit_seen(light, hull, None, fitting);
+        };
+        check_light(light)?;
+        let extent = half_sides(light).iter().map(|half| half.length()).sum::<f64>();
+        let axes = axes(light);
+        let face = |(axis, up): (DVec3, DVec3)| {
+            let nearest = hull.iter().map(|p| axis.dot(*p - center)).fold(f64::INFINITY, f64::min);
+            let room = if nearest > 0.0 { extent / nearest } else { WIDEST };
+            let tan_limit = DVec2::splat((1.0 + room).min(WIDEST));
+            let back = -axis;
+            let basis = DMat3::from_cols(up.cross(back), up, back).transpose();
+            fit_perspective(light, (center - fitting.origin, basis, tan_limit), hull, None, fitting)
+        };
+        let [u, v, n] = axes;
+        Ok([(u, v), (-u, v), (v, n), (-v, n), (n, v), (-n, v)].map(face).to_vec())
+    }
+}
+
+/// Right-handed unit axes of a light: along its sides, and its normal. The world's for a sphere.
+#[must_use]
+pub(crate) fn axes(light: &Light) -> [DVec3; 3] {
+    let (u, v) = match *light {
+        Light::Rect { half_u, half_v, .. } => (half_u, half_v),
+        Light::Disc { axis_u, axis_v, .. } => (axis_u, axis_v),
+        Light::Directional { direction, .. } => direction.normalize().any_orthonormal_pair(),
+        _ => (DVec3::X, DVec3::Y),
+    };
+    // A rectangle may be a line.
+    let u = u.try_normalize().or_else(|| v.try_normalize().map(|v| v.any_orthonormal_vector()));
+    let u = u.unwrap_or(DVec3::X);
+    let v = v.reject_from_normalized(u).try_normalize();
+    let v = v.unwrap_or_else(|| u.any_orthonormal_vector());
+    [u, v, u.cross(v)]
+}
+
+/// Half the sides of a light, metres; of a wide sun those of the disc at the distance 1. No side is less than a
+/// thousandth of the other, so that a line of light has an area.
+#[must_use]
+pub(crate) fn half_sides(light: &Light) -> [DVec3; 2] {
+    let [u, v, _] = axes(light);
+    let (a, b) = match *light {
+        Light::Rect { half_u, half_v, .. } => (half_u.length(), half_v.length()),
+        Light::Disc { radius, .. } | Light::Sphere { radius, .. } => (radius, radius),
+        Light::Directional { angular_diameter, .. } => {
+            let radius = (0.5 * angular_diameter).tan();
+            (radius, radius)
+        }
+        Light::Point { .. } | Light::Spot { .. } => (0.0, 0.0),
+    };
+    [u * a.max(1e-3 * b), v * b.max(1e-3 * a)]
+}
+
+/// Checks the size of a light.
+fn check_extent(light: &Light) -> Result<(), GpuError> {
+    let (ok, fix) = match *light {
+        Light::Directional { angular_diameter, .. } => (
+            (0.0..3.1).contains(&angular_diameter),
+            "use an angular diameter from 0 to 3.1 radians",
+        ),
+        Light::Sphere { radius, .. } | Light::Disc { radius, .. } => {
+            (radius.is_finite() && radius >= 0.0, "use a finite radius of at least 0")
+        }
+        Light::Rect { half_u, half_v, .. } => {
+            (half_u.is_finite() && half_v.is_finite(), "give finite half sides")
+        }
+        Light::Point { .. } | Light::Spot { .. } => (true, ""),
+    };
+    if ok {
+        return Ok(());
+    }
+    Err(GpuError::Invalid { what: "size of the light", value: format!("{light:?}"), fix })
+}

@@ -1,0 +1,356 @@
+//! Soft shadows from maps: hard where the light has no extent, exact behind one plate, finite always, and each
+//! technique's own faults.
+
+use antumbra::Config;
+use antumbra_filter::PcfGrid;
+use antumbra_gpu::{Counters, Gpu};
+use antumbra_map::{MapConfig, Plain};
+use antumbra_measure::Stage;
+use antumbra_reference::closed::{self, Occluder};
+use antumbra_reference::penumbra_width;
+use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
+use antumbra_scene::{Light, Scene, generate};
+use antumbra_soft::{BackProjection, Bitmask, Occluders, Pcss, Samples, Window};
+use antumbra_tests::gpu;
+use glam::{DAffine3, DVec3, Vec3};
+
+fn map(size: u32) -> MapConfig {
+    MapConfig { size, ..MapConfig::default() }
+}
+
+/// Every technique, at its defaults and at its most exact.
+fn techniques(size: u32, window: Window) -> Vec<Config> {
+    let map = map(size);
+    let mask = |occluders, samples| Config::Bitmask(Bitmask { map, window, samples, occluders });
+    vec![
+        Config::Pcss(Pcss { map, window, ..Pcss::default() }),
+        Config::Pcss(Pcss { map, window, search: 0, filter: 0, ..Pcss::default() }),
+        Config::BackProjection(BackProjection { map, window }),
+        mask(Occluders::Micropatch, Samples::S256),
+        mask(Occluders::ClosedMicropatch, Samples::S64),
+        mask(Occluders::Microquad, Samples::S256),
+        mask(Occluders::ExactMicroquad, Samples::S1024),
+        mask(Occluders::Microtri, Samples::S256),
+    ]
+}
+
+fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, config: &Config) -> Vec<f32> {
+    let mut technique = config.build(gpu).expect("a valid config");
+    stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot").visibility
+}
+
+/// As [`shoot`], again and again by one technique, with its counters.
+fn shots<'a>(
+    gpu: &Gpu,
+    config: &Config,
+    all: impl IntoIterator<Item = (&'a Stage, &'a Light)>,
+) -> Vec<(Vec<f32>, Counters)> {
+    let mut technique = config.build(gpu).expect("a valid config");
+    let mut shot = |(stage, light): (&Stage, &Light)| {
+        let shot = stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot");
+        (shot.visibility, shot.counters)
+    };
+    all.into_iter().map(&mut shot).collect()
+}
+
+/// Lights of each kind that may have an extent, of half size `half`, above the origin.
+fn lights(half: f64) -> Vec<Light> {
+    let center = DVec3::new(0.4, 5.0, -0.3);
+    let tilt = DVec3::new(0.2, 0.1, 1.0).normalize();
+    let across = DVec3::new(1.0, 0.0, -0.2).normalize();
+    vec![
+        Light::Directional {
+            direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
+            angular_diameter: 2.0 * (half / 5.0).atan(),
+        },
+        Light::Sphere { center, radius: half },
+        Light::Rect {
+            center,
+            half_u: across * half,
+            half_v: across.cross(tilt).cross(across) * half,
+        },
+        Light::Rect { center, half_u: DVec3::X * half, half_v: DVec3::Z * half },
+        Light::Disc { center, radius: half, axis_u: DVec3::X, axis_v: DVec3::Z },
+    ]
+}
+
+/// A box, a ball and a sheet above a floor.
+fn bodies() -> Scene {
+    let mut scene = Scene { name: "bodies".to_owned(), ..Scene::default() };
+    scene.add(generate::shapes::floor(5.0), DAffine3::IDENTITY);
+    let cuboid = generate::shapes::cuboid(DVec3::new(-1.5, 0.0, -0.5), DVec3::new(-0.5, 1.0, 0.5));
+    scene.add(cuboid, DAffine3::IDENTITY);
+    let ball = generate::shapes::icosphere(3, 0.5);
+    scene.add(ball, DAffine3::from_translation(DVec3::new(1.0, 1.2, 0.5)));
+    let sheet = generate::shapes::quad(DVec3::new(0.0, 2.0, 0.0), DVec3::X * 0.6, DVec3::Z * 0.3);
+    scene.add(sheet, DAffine3::IDENTITY);
+    scene
+}
+
+fn seen(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
+    Stage::new(gpu, scene, scene.camera_or_framing(), side, side).expect("a stage")
+}
+
+#[test]
+fn a_light_without_an_extent_gives_the_plain_maps_bits() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 64);
+    let point = Light::Point { position: DVec3::new(0.4, 5.0, -0.3) };
+    let spot = Light::Spot {
+        position: DVec3::new(0.4, 5.0, -0.3),
+        direction: DVec3::NEG_Y,
+        outer_angle: 0.6,
+    };
+    let all: Vec<Light> = lights(0.0).into_iter().chain([point, spot]).collect();
+    let pairs = || all.iter().map(|light| (&stage, light));
+    let plain = shots(&gpu, &Config::Plain(Plain { map: map(128) }), pairs());
+    for (plain, _) in &plain {
+        assert!(plain.contains(&0.0) && plain.contains(&1.0), "light and shadow");
+    }
+    for config in techniques(128, Window::default()) {
+        for ((found, (plain, _)), light) in
+            shots(&gpu, &config, pairs()).iter().zip(&plain).zip(&all)
+        {
+            assert_eq!(&found.0, plain, "{config:?} under {light:?}");
+        }
+        // The control: an extent shows.
+        let soft = shoot(&gpu, &stage, &lights(0.5)[1], &config);
+        assert!(soft.iter().any(|v| *v > 0.0 && *v < 1.0), "{config:?} has no penumbra");
+    }
+}
+
+/// A plate over a floor, and samples on a line across one edge of its shadow.
+struct Plate {
+    stage: Stage,
+    along: Vec<f64>,
+    truth: Vec<f32>,
+    light: Light,
+}
+
+/// A plate x in [-2, 0], |z| <= 2 at `height` under `light`.
+fn plate(gpu: &Gpu, light: Light, height: f64) -> Plate {
+    let center = DVec3::new(-1.0, height, 0.0);
+    let (half_u, half_v) = (DVec3::Z * 2.0, DVec3::X);
+    let mut scene = Scene { name: "plate".to_owned(), ..Scene::default() };
+    scene.add(generate::shapes::floor(4.0), DAffine3::IDENTITY);
+    scene.add(generate::shapes::quad(center, half_u, half_v), DAffine3::IDENTITY);
+    let occluder = Occluder::rectangle(center, half_u, half_v);
+    let along: Vec<f64> = (0..256).map(|i| -1.2 + f64::from(i) * 2.4 / 255.0).collect();
+    let origin = scene.origin();
+    let mut samples = Vec::new();
+    let mut truth = Vec::new();
+    for (i, x) in along.iter().enumerate() {
+        let p = DVec3::new(*x, 0.0, 0.013 * (i % 7) as f64);
+        let position = (p - origin).as_vec3();
+        samples.push(ViewSample { position, normal: Vec3::Y });
+        truth.push(closed::visibility(&occluder, &light, position.as_dvec3() + origin) as f32);
+    }
+    let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
+    Plate { stage, along, truth, light }
+}
+
+impl Plate {
+    /// Root of the mean square error, and relative error of the penumbra's width.
+    fn errors(&self, gpu: &Gpu, config: &Config) -> (f64, f64) {
+        let found = &shoot(gpu, &self.stage, &self.light, config)[..self.along.len()];
+        let square = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
+        let sum: f64 = found.iter().zip(&self.truth).map(square).sum();
+        let width = |v: &[f32]| penumbra_width(&self.along, v).expect("a penumbra");
+        ((sum / self.along.len() as f64).sqrt(), width(found) / width(&self.truth) - 1.0)
+    }
+}
+
+#[test]
+fn behind_one_plate_all_are_the_closed_form() {
+    let gpu = gpu();
+    let rect = Light::Rect {
+        center: DVec3::new(0.0, 4.0, 0.0),
+        half_u: DVec3::X * 0.5,
+        half_v: DVec3::Z * 0.3,
+    };
+    let disc = Light::Disc {
+        center: DVec3::new(0.0, 4.0, 0.0),
+        radius: 0.5,
+        axis_u: DVec3::X,
+        axis_v: DVec3::Z,
+    };
+    let ball = Light::Sphere { center: DVec3::new(0.0, 4.0, 0.0), radius: 0.5 };
+    let sun = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.3 };
+    let map = map(1024);
+    let window = Window { budget: 128, ..Window::default() };
+    let mask = |samples| {
+        let occluders = Occluders::Micropatch;
+        Config::Bitmask(Bitmask { map, window, samples, occluders })
+    };
+    for light in [rect, disc, ball, sun] {
+        let plate = plate(&gpu, light, 1.6);
+        for (name, config) in [
+            ("pcss", Config::Pcss(Pcss { map, window, search: 0, filter: 0, ..Pcss::default() })),
+            ("pcss, 256 taps", Config::Pcss(Pcss { map, window, filter: 256, ..Pcss::default() })),
+            ("back projection", Config::BackProjection(BackProjection { map, window })),
+            ("bitmask", mask(Samples::S256)),
+            ("bitmask, 1024", mask(Samples::S1024)),
+        ] {
+            let (rmse, width) = plate.errors(&gpu, &config);
+            println!("{name} under {:?}: RMSE {rmse:.4}, width {width:+.4}", light.kind());
+            assert!(rmse <= 0.01, "{name} under {light:?}: RMSE {rmse}");
+            assert!(width.abs() <= 0.03, "{name} under {light:?}: width off by {width}");
+        }
+        // The control: a kernel that does not know how wide the penumbra is.
+        let fixed = Config::PcfGrid(PcfGrid { map, side: 7 });
+        let (rmse, _) = plate.errors(&gpu, &fixed);
+        assert!(rmse > 0.05, "a fixed kernel under {light:?}: RMSE {rmse}");
+    }
+}
+
+#[test]
+fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 64);
+    let window = |hierarchy, umbra| Window { hierarchy, umbra, tally: true, ..Window::default() };
+    let with = techniques(128, window(true, false));
+    let without = techniques(128, window(false, false));
+    let all = lights(0.3);
+    let pairs = || all.iter().map(|light| (&stage, light));
+    for (with, without) in with.iter().zip(&without) {
+        // Taps of a search lie elsewhere in a narrower window, and its mean is another.
+        if matches!(with, Config::Pcss(_)) {
+            continue;
+        }
+        for ((a, b), light) in
+            shots(&gpu, with, pairs()).iter().zip(shots(&gpu, without, pairs())).zip(&all)
+        {
+            assert_eq!(a.0, b.0, "{with:?} under {light:?}");
+        }
+    }
+    let config =
+        Config::BackProjection(BackProjection { map: map(128), window: window(true, true) });
+    let found = shots(&gpu, &config, pairs());
+    for (((_, counts), (_, all)), light) in
+        found.iter().zip(shots(&gpu, &without[2], pairs())).zip(&all)
+    {
+        let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
+        let truth = stage.truth(light, &options);
+        let penumbra = truth.visibility.iter().filter(|v| **v > 0.0 && **v < 1.0).count() as u64;
+        println!(
+            "{:?}: penumbra {penumbra}, evaluated {} and {} without a pyramid, occluders {} and {}",
+            light.kind(),
+            counts["samples_penumbra"],
+            all["samples_penumbra"],
+            counts["occluders"],
+            all["occluders"],
+        );
+        assert!(counts["samples_penumbra"] >= penumbra / 2, "the penumbra is evaluated");
+        assert!(
+            counts["samples_penumbra"] < all["samples_penumbra"]
+                && 2 * counts["occluders"] < all["occluders"],
+            "and little else: {counts:?}, {all:?}"
+        );
+    }
+}
+
+#[test]
+fn lights_of_any_size_near_and_far_give_numbers_from_0_to_1() {
+    let gpu = gpu();
+    let mut scene = bodies();
+    // A sheet that touches the light, and one that touches the floor.
+    let at_light = generate::shapes::quad(DVec3::new(0.4, 5.0, -0.3), DVec3::X * 0.1, DVec3::Z);
+    scene.add(at_light, DAffine3::IDENTITY);
+    let on_floor = generate::shapes::quad(DVec3::ZERO, DVec3::X * 0.5, DVec3::Y * 0.5);
+    scene.add(on_floor, DAffine3::IDENTITY);
+    let stage = seen(&gpu, &scene, 32);
+    let mut all: Vec<Light> = [1e-7, 1e-3, 0.3, 4.0, 100.0].into_iter().flat_map(lights).collect();
+    // Those of one layout after another, so that passes are compiled but twice.
+    all.sort_by_key(|light| light.position().is_none());
+    for config in techniques(64, Window { budget: 16, ..Window::default() }) {
+        let found = shots(&gpu, &config, all.iter().map(|light| (&stage, light)));
+        for ((found, _), light) in found.iter().zip(&all) {
+            let wrong = found.iter().find(|v| !(0.0..=1.0).contains(*v));
+            assert_eq!(wrong, None, "{config:?} under {light:?}");
+        }
+    }
+}
+
+#[test]
+fn a_lone_convex_body_shadows_nothing() {
+    let gpu = gpu();
+    let stages: Vec<Stage> =
+        ["convex-sphere", "convex-cube", "convex-tetrahedron", "convex-cylinder"]
+            .map(|name| seen(&gpu, &generate::by_name(name).expect("a scene"), 40))
+            .into();
+    let mut cases: Vec<(&Stage, Light)> = Vec::new();
+    for stage in &stages {
+        cases.extend([0.05, 1.0].into_iter().flat_map(lights).map(|light| (stage, light)));
+    }
+    cases.sort_by_key(|(_, light)| light.position().is_none());
+    // 64 rays that all arrive leave the horizon a share of the light of 1/64 or so.
+    let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
+    let truths: Vec<_> = cases.iter().map(|(stage, light)| stage.truth(light, &options)).collect();
+    let mut judged = 0;
+    for config in techniques(128, Window::default()) {
+        let found = shots(&gpu, &config, cases.iter().map(|(stage, light)| (*stage, light)));
+        for (((found, _), truth), (_, light)) in found.iter().zip(&truths).zip(&cases) {
+            let is_lit =
+                |i: &usize| truth.class[*i] == SampleClass::Counted && truth.visibility[*i] == 1.0;
+            let lit: Vec<f32> = (0..found.len()).filter(is_lit).map(|i| found[i]).collect();
+            judged += lit.len();
+            let acne = lit.iter().filter(|v| **v < 0.95).count();
+            assert_eq!(acne, 0, "of {} samples: {config:?} under {light:?}", lit.len());
+        }
+    }
+    assert!(judged > 100_000, "{judged} samples");
+}
+
+#[test]
+fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
+    let gpu = gpu();
+    let light = Light::Rect {
+        center: DVec3::new(0.5, 6.0, 0.5),
+        half_u: DVec3::X * 0.6,
+        half_v: DVec3::Z * 0.6,
+    };
+    for name in ["sphere", "tree"] {
+        let scene = generate::by_name(name).expect("a scene");
+        let stage = seen(&gpu, &scene, 96);
+        let truth =
+            stage.truth(&light, &TruthOptions { light_samples: 1024, ..TruthOptions::default() });
+        let map = map(512);
+        let window = Window::default();
+        let mask =
+            |occluders| Config::Bitmask(Bitmask { map, window, occluders, ..Bitmask::default() });
+        let error = |config: &Config| {
+            let found = shoot(&gpu, &stage, &light, config);
+            let (mut sum, mut count) = (0.0, 0);
+            for (i, v) in found.iter().enumerate() {
+                let t = truth.visibility[i];
+                if truth.class[i] == SampleClass::Counted && t > 0.0 && t < 1.0 {
+                    sum += f64::from(v - t).powi(2);
+                    count += 1;
+                }
+            }
+            (sum / f64::from(count.max(1))).sqrt()
+        };
+        let errors = [
+            error(&Config::PcfGrid(PcfGrid { map, side: 5 })),
+            error(&Config::Pcss(Pcss { map, ..Pcss::default() })),
+            error(&Config::BackProjection(BackProjection { map, window })),
+            error(&mask(Occluders::Micropatch)),
+            error(&mask(Occluders::ClosedMicropatch)),
+            error(&mask(Occluders::Microquad)),
+            error(&mask(Occluders::ExactMicroquad)),
+            error(&mask(Occluders::Microtri)),
+        ];
+        println!("{name}: PCF, PCSS, areas, patches, closed, quads, exact, tris: {errors:.4?}");
+        let [pcf, pcss, areas, patches, closed, quads, exact, tris] = errors;
+        assert!(pcf > 1.5 * pcss, "{name}: a fixed kernel {pcf}, PCSS {pcss}");
+        assert!(pcss > areas, "{name}: PCSS {pcss}, areas {areas}");
+        if name == "sphere" {
+            // Smooth surfaces: whatever closes the gaps wins.
+            assert!(pcss > patches && patches > quads && patches > closed, "{errors:?}");
+            assert!(patches > exact && patches > tris, "{errors:?}");
+        } else {
+            // Leaves and twigs about as wide as a texel: quads lose them, and the more so the less is kept.
+            assert!(closed < patches && tris < exact, "{errors:?}");
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! The shaders of soft shadows against their f64 twins, over maps made up for the purpose.
+
+use antumbra_gpu::{Gpu, bind, read_buffer};
+use antumbra_scene::Light;
+use antumbra_shaders::{Slot, link_source, module, source};
+use antumbra_soft::twin::View;
+use antumbra_soft::twin::mask::Mask;
+use antumbra_soft::twin::techniques::{Map, Receiver};
+use antumbra_soft::{Bitmask, Occluders, Pcss, Samples, Window};
+use antumbra_tests::gpu;
+use glam::{DMat4, DVec2, DVec3, DVec4};
+
+/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
+    }
+}
+
+/// Runs a shader with the entry point `main` over `count` threads: storage buffers and perhaps a map in group 0, the light
+/// in group 2; gives back the last buffer of group 0.
+fn run(
+    gpu: &Gpu,
+    wgsl: String,
+    given: &[&[u8]],
+    result: usize,
+    light: Option<&[u8]>,
+    count: u32,
+) -> Vec<u8> {
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("soft twin"),
+        layout: None,
+        module: &gpu.shader("soft twin", wgsl),
+        entry_point: Some("main"),
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let storage = wgpu::BufferUsages::STORAGE;
+    let buffers: Vec<wgpu::Buffer> =
+        given.iter().map(|bytes| gpu.buffer("given", bytes, storage)).collect();
+    let found = gpu.buffer("found", &vec![0; result], storage | wgpu::BufferUsages::COPY_SRC);
+    let mut entries: Vec<_> =
+        buffers.iter().enumerate().map(|(i, buffer)| bind::buffer(i as u32, buffer)).collect();
+    entries.push(bind::buffer(buffers.len() as u32, &found));
+    let group = |index, entries: &[wgpu::BindGroupEntry<'_>]| {
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("soft twin"),
+            layout: &pipeline.get_bind_group_layout(index),
+            entries,
+        })
+    };
+    let first = group(0, &entries);
+    let light = light.map(|bytes| gpu.buffer("light", bytes, storage));
+    let second = light.as_ref().map(|light| group(2, &[bind::buffer(0, light)]));
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let mut pass = encoder.begin_compute_pass(&Default::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &first, &[]);
+    if let Some(second) = &second {
+        pass.set_bind_group(2, second, &[]);
+    }
+    pass.dispatch_workgroups(count.div_ceil(64), 1, 1);
+    drop(pass);
+    gpu.queue.submit([encoder.finish()]);
+    read_buffer(gpu, &found, result as u64).expect("read back")
+}
+
+const RECTANGLES: &str = "
+import package::soft::mask::{Mask, WORDS, add_rectangle};
+
+@group(0) @binding(0) var<storage, read> rectangles: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if id.x < arrayLength(&rectangles) {
+        let r = rectangles[id.x];
+        var mask = Mask();
+        add_rectangle(&mask, r.xy, r.zw);
+        for (var i = 0; i < 4 * WORDS; i++) {
+            found[i32(id.x) * 4 * WORDS + i] = mask[i % WORDS][i / WORDS];
+        }
+    }
+}";
+
+#[test]
+fn masks_of_a_million_rectangles_are_bit_for_bit_those_of_the_twin() {
+    let gpu = gpu();
+    let mut random = Random(11);
+    for (samples, count) in
+        [(Samples::S64, 200_000), (Samples::S256, 700_000), (Samples::S1024, 100_000)]
+    {
+        let config = source("config", samples.constants());
+        let wgsl = link_source("tests::rectangles", RECTANGLES, &[config]).expect("it links");
+        let words = Mask::new(samples).words.len();
+        // Anywhere, on samples and tile borders, empty and turned inside out.
+        let mut corner = || {
+            let t = random.next();
+            let value = match (random.next() * 3.0) as u32 {
+                0 => (t * 128.0).floor() / 128.0,
+                1 => t * 3.0 - 1.0,
+                _ => t,
+            };
+            value as f32
+        };
+        for batch in 0..count / 50_000 {
+            let rectangles: Vec<[f32; 4]> = (0..50_000).map(|_| [0; 4].map(|_| corner())).collect();
+            let given = bytemuck::cast_slice(&rectangles);
+            let bytes = run(&gpu, wgsl.clone(), &[given], 50_000 * words * 4, None, 50_000);
+            let found: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+            for (r, found) in rectangles.iter().zip(found.chunks(words)) {
+                let [x0, y0, x1, y1] = r.map(f64::from);
+                let mut mask = Mask::new(samples);
+                mask.add_rectangle(DVec2::new(x0, y0), DVec2::new(x1, y1));
+                assert_eq!(found, mask.words, "{samples:?}, batch {batch}: {r:?}");
+            }
+        }
+    }
+}
+
+const SIZE: i32 = 48;
+
+const VISIBILITY: &str = "
+import package::common::lookup::{Lookup};
+import package::soft::area::{seen};
+import package::estimator::{visibility};
+
+@group(0) @binding(0) var<storage, read> receivers: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> found: array<f32>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if id.x < arrayLength(&receivers) {
+        let r = receivers[id.x];
+        var at: Lookup;
+        at.texel = r.xy;
+        at.depth = r.z;
+        at.order = -1.0;
+        found[id.x] = visibility(0, at, seen(0, r.xy, r.z), vec2u(0));
+    }
+}";
+
+/// A map that is a formula, in the place of the texture: layers of slats and a slope, which the twin has too.
+const FORMULA: &str = "
+import package::common::lookup::{Lookup, reference};
+alias Map = i32;
+alias Sampler = i32;
+fn lit(map: Map, at: Lookup, texel: vec2i) -> f32 {
+    return select(0.0, 1.0, at.order * (stored(texel) - reference(at, vec2f(texel) + 0.5)) >= 0.0);
+}
+";
+
+fn formula(x: i32, y: i32) -> f64 {
+    match (x / 5 + y / 7) % 4 {
+        0 => 0.5,
+        1 => 0.25 + f64::from(x) / 1024.0,
+        2 => 0.125 + f64::from(y) / 2048.0,
+        _ => 0.0,
+    }
+}
+
+/// `AreaLight` of `soft/area.wesl` with one view.
+fn upload(view: &View, kind: f32) -> Vec<u8> {
+    let mut data = vec![0f32; 20];
+    let mut put = |v: DVec3, w: f64| {
+        data.extend([v.x as f32, v.y as f32, v.z as f32, w as f32]);
+    };
+    put(view.x, view.texels.x);
+    put(view.y, view.texels.y);
+    put(view.z, if view.perspective { 1.0 } else { 0.0 });
+    put(view.u, f64::from(kind));
+    put(view.v, view.radius);
+    put(DVec3::new(view.a, view.b, view.nearest), 0.0);
+    put(view.centre.extend(0.0), 0.0);
+    bytemuck::cast_slice(&data).to_vec()
+}
+
+/// Lights of every shape, level and tilted, and their shape's number.
+fn lights() -> [(Light, f32); 5] {
+    let center = DVec3::ZERO;
+    let tilted = DVec3::new(0.5, 0.1, 0.3);
+    [
+        (Light::Rect { center, half_u: DVec3::X * 0.7, half_v: DVec3::Y * 0.4 }, 1.0),
+        (
+            Light::Rect { center, half_u: tilted, half_v: tilted.cross(DVec3::new(0.1, 0.2, 0.9)) },
+            1.0,
+        ),
+        (Light::Disc { center, radius: 0.5, axis_u: DVec3::X, axis_v: DVec3::Y }, 2.0),
+        (Light::Sphere { center, radius: 0.6 }, 3.0),
+        (Light::Directional { direction: DVec3::NEG_Z, angular_diameter: 0.4 }, 2.0),
+    ]
+}
+
+fn clip(light: &Light) -> DMat4 {
+    if matches!(light, Light::Directional { .. }) {
+        // 8 m wide, 10 m deep, reversed.
+        return DMat4::from_diagonal(DVec4::new(0.25, 0.25, 0.1, 1.0))
+            * DMat4::from_translation(DVec3::new(0.1, 0.0, 10.0));
+    }
+    // 90 degrees wide, near plane at 1.
+    DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::new(0.0, 0.0, 0.0, -1.0), DVec4::Z)
+}
+
+/// Visibility of each receiver (texel, depth) by the shader with those slots.
+fn shade(gpu: &Gpu, slots: &[Slot], view: &View, kind: f32, receivers: &[[f32; 4]]) -> Vec<f32> {
+    let mut wgsl = link_source("tests::visibility", VISIBILITY, slots).expect("it links");
+    // The estimators read the map by textureLoad and ask for its size; the formula stands in for both.
+    let stored = "
+fn stored(texel: vec2i) -> f32 {
+    let k = (texel.x / 5 + texel.y / 7) % 4;
+    if k == 0 { return 0.5; }
+    if k == 1 { return 0.25 + f32(texel.x) / 1024.0; }
+    if k == 2 { return 0.125 + f32(texel.y) / 2048.0; }
+    return 0.0;
+}";
+    wgsl.push_str(stored);
+    for (from, to) in [
+        ("vec2i(textureDimensions(map))", format!("vec2i({SIZE})")),
+        ("textureLoad(map, texel, at.layer, 0).x", "stored(texel)".to_owned()),
+    ] {
+        wgsl = wgsl.replace(from, &to);
+    }
+    let given = bytemuck::cast_slice(receivers);
+    let light = upload(view, kind);
+    let bytes = run(gpu, wgsl, &[given], receivers.len() * 4, Some(&light), receivers.len() as u32);
+    bytemuck::pod_collect_to_vec(&bytes)
+}
+
+#[test]
+fn estimators_agree_with_their_twins_under_every_light() {
+    const COUNT: usize = 512;
+    let gpu = gpu();
+    let mut random = Random(5);
+    let window = Window { hierarchy: false, umbra: false, budget: 64, tally: false };
+    for (light, kind) in lights() {
+        let view = View::new(&clip(&light), f64::from(SIZE), &light);
+        let receivers: Vec<[f32; 4]> = (0..COUNT)
+            .map(|_| {
+                let [x, y] = [0; 2].map(|_| (random.next() * 60.0 - 6.0) as f32);
+                [x, y, (0.02 + 0.4 * random.next()) as f32, 0.0]
+            })
+            .collect();
+        let twins: Vec<Receiver> = receivers
+            .iter()
+            .map(|r| {
+                let [x, y, depth, _] = r.map(f64::from);
+                let light = view.seen(DVec2::new(x, y), depth);
+                Receiver { light, depth, gradient: DVec2::ZERO, cone: DVec2::ZERO }
+            })
+            .collect();
+        let map = Map { size: SIZE, depth: &formula };
+        let base = |path, constants: String| {
+            let head = "const HIERARCHY: bool = false;\nconst UMBRA: bool = false;\nconst BUDGET: i32 = 64;\n";
+            vec![
+                source("common::depth_map", FORMULA),
+                module("estimator", path),
+                module("soft::bounds", "soft::no_bounds"),
+                module("soft::tally", "soft::no_tally"),
+                source("config", head.to_owned() + &constants),
+            ]
+        };
+        // Areas are sums of up to 2304 terms of at most 1, each off by a few roundings of coordinates of up to 16 lights.
+        let compare = |name: &str, found: &[f32], exact: &[f64], close: f64, allowed: usize| {
+            let off: Vec<f64> =
+                found.iter().zip(exact).map(|(a, b)| (f64::from(*a) - b).abs()).collect();
+            let worst = off.iter().copied().fold(0.0, f64::max);
+            let far = off.iter().filter(|d| **d > close).count();
+            let soft = exact.iter().filter(|v| **v > 0.0 && **v < 1.0).count();
+            println!(
+                "{name}, {:?}: worst {worst:.2e}, {far} of {COUNT} beyond {close}, {soft} in penumbra",
+                light.kind()
+            );
+            assert!(far <= allowed, "{name} under {light:?}: {far} differ, by up to {worst}");
+            assert!(soft > COUNT / 20, "{name}: only {soft} receivers in penumbra");
+        };
+        let slots = base("soft::back_projection", String::new());
+        let found = shade(&gpu, &slots, &view, kind, &receivers);
+        let exact: Vec<f64> =
+            twins.iter().map(|at| (1.0 - map.back_projection(at, 64)).max(0.0)).collect();
+        compare("areas", &found, &exact, 1e-3, 0);
+        for occluders in Occluders::ALL {
+            let config = Bitmask { window, occluders, ..Bitmask::default() };
+            let (close, exact_quads, tris) = (
+                occluders == Occluders::ClosedMicropatch,
+                matches!(occluders, Occluders::ExactMicroquad | Occluders::Microtri),
+                occluders == Occluders::Microtri,
+            );
+            let path = match occluders {
+                Occluders::Micropatch | Occluders::ClosedMicropatch => "soft::micropatch",
+                _ => "soft::microquad",
+            };
+            let constants = config.samples.constants()
+                + &format!(
+                    "const CLOSE: bool = {close};\nconst EXACT: bool = {exact_quads};\nconst TRIS: bool = {tris};\n"
+                );
+            let mut slots = base("soft::bitmask", constants);
+            slots.push(module("occluders", path));
+            let found = shade(&gpu, &slots, &view, kind, &receivers);
+            let exact: Vec<f64> = twins
+                .iter()
+                .map(|at| {
+                    let (mask, all) = map.bitmask(at, &config);
+                    1.0 - f64::from(mask.count_in(&all)) / f64::from(all.count())
+                })
+                .collect();
+            // A side of one of up to 100 occluders within 1e-5 of one of 32 lines of samples turns 8 of them: one receiver
+            // in 30 at most, by as much.
+            compare(&format!("{occluders:?}"), &found, &exact, 1e-6, COUNT / 30);
+        }
+        for taps in [0, 64] {
+            let config =
+                Pcss { window, search: taps, filter: taps, turn: false, ..Pcss::default() };
+            let constants = format!(
+                "const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst TURN: bool = false;\n"
+            );
+            let slots = base("soft::pcss", constants);
+            let found = shade(&gpu, &slots, &view, kind, &receivers);
+            let exact: Vec<f64> = twins.iter().map(|at| map.pcss(at, &config, 0.0).0).collect();
+            // A tap, or the middle of a block, within rounding of a border falls to the other side.
+            compare(&format!("PCSS, {taps} taps"), &found, &exact, 1e-4, COUNT / 30);
+        }
+    }
+}
