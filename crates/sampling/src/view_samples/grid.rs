@@ -183,7 +183,7 @@ impl Fitter {
         let region = self.visible_region(frame);
         let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
         // A bucket around the window, so that what lies beyond it is certainly beyond.
-        let fitting = Fitting { origin: frame.origin, size: side, guard: 1 };
+        let fitting = Fitting { origin: frame.origin, size: side, guard: 1, receivers: false };
         let views = fit_seen(frame.light, &self.hull, sight.as_ref(), &fitting)?;
         self.blocks.clear();
         let blocks = &mut self.blocks;
