@@ -47,7 +47,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 19] = [
+    const PASSES: [&str; 22] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -67,6 +67,9 @@ pub fn permutations() -> Vec<Permutation> {
         "map::peel",
         "map::between",
         "map::draw_ids",
+        "sampling::view_samples_lists",
+        "sampling::view_samples_casters",
+        "sampling::view_samples_pieces",
     ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();

@@ -190,6 +190,9 @@ techniques! {
     #[cfg(feature = "filter")]
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
+    #[cfg(feature = "sampling")]
+    /// The view's samples in place of a map's.
+    ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
     #[cfg(feature = "soft")]
     /// Percentage-closer soft shadows.
     Pcss(antumbra_soft::Pcss) = "soft/pcss",

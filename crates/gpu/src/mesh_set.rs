@@ -186,7 +186,8 @@ impl MeshSet {
     /// Draws what `camera` sees into `samples`. `depth` is scratch of the same size and of format
     /// `Depth32Float`.
     ///
-    /// The positions lie on their triangles' planes to within rounding, so their error bound is 0; each sample
+    /// The positions lie on their triangles to within rounding, so their error bound is 0 (a pixel's centre that the
+    /// rasteriser's snap puts beyond an edge gives the edge's nearest point); each sample
     /// says which instance it lies on.
     pub fn encode_view_samples(
         &self,

@@ -2,3 +2,7 @@
 //! are the view's own.
 //!
 //! What is a layout here ([`antumbra_map::Arrange`]) serves every estimator and every store.
+
+pub mod view_samples;
+
+pub use view_samples::{ViewSampleMap, ViewSampleMapping};

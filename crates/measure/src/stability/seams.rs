@@ -117,8 +117,17 @@ pub(super) fn excess(
         pairs.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>()
     };
     let (at_seam, elsewhere) = (error(0..count), error(count..2 * count));
-    // Of no error at all, there is nothing to compare.
-    Ok(if elsewhere > 0.0 { (at_seam / elsewhere - 1.0).max(0.0) } else { f64::NAN })
+    // Where both kinds of receivers are there, no error at all is no excess. An error at the seam alone is beyond
+    // comparison.
+    let shadowed = truth.visibility.iter().filter(|v| **v == 0.0).count();
+    let is_telling = shadowed > 0 && shadowed < truth.visibility.len();
+    Ok(if elsewhere > 0.0 {
+        (at_seam / elsewhere - 1.0).max(0.0)
+    } else if at_seam == 0.0 && is_telling {
+        0.0
+    } else {
+        f64::NAN
+    })
 }
 
 /// Receivers within three texels of the bodies' rims, where the seam crosses them, and within one of the seam.

@@ -13,7 +13,7 @@ pub fn determinant(light: DVec4, [a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// What bounds the rounding of [`determinant`] when multiplied with the unit roundoff and the 8 of `facing` in
-/// `volume/geometry.wesl`: the sum of the magnitudes of its products.
+/// `common/containment.wesl`: the sum of the magnitudes of its products.
 #[must_use]
 pub fn magnitude(light: DVec4, [a, b, c]: [DVec3; 3]) -> f64 {
     let (p, q, t) = ((b - a).abs(), (c - a).abs(), (light.truncate() - light.w * a).abs());
