@@ -373,7 +373,11 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
                 assert_eq!(counters["map_draws"], 0, "{config:?}, {kind:?}: draws");
                 assert_eq!(counters["map_passes"], 0, "{config:?}, {kind:?}: passes");
                 // The six matrices, at most 256 bytes apart, what a store knows of the views, and no layer of 4 MiB.
-                assert!(technique.bytes() <= 6 * 256 + 1024, "{config:?}: {} bytes", technique.bytes());
+                assert!(
+                    technique.bytes() <= 6 * 256 + 1024,
+                    "{config:?}: {} bytes",
+                    technique.bytes()
+                );
             }
         }
     }

@@ -178,6 +178,26 @@ fn what_the_centre_of_the_light_does_not_see_does_not_count() {
 }
 
 #[test]
+fn own_occluders_change_nothing_at_one_depth_and_jump_at_the_edge_between_several() {
+    let own = Pcss { own: true, ..pcss() };
+    let visible = |strips: &[Strip], x: f64, config: &Pcss| {
+        let columns = columns(strips);
+        let depth = |column: i32, _: i32| columns[column as usize];
+        Map { size: SIZE, depth: &depth }.pcss(&receiver(1.0, x, 10.0), config, 0.0).0
+    };
+    let one = [strip(-8.0, 0.0, 5.0)];
+    for x in [-0.9, -0.3, -0.02, 0.02, 0.3, 0.9] {
+        near(visible(&one, x, &own), visible(&one, x, &pcss()), 1e-12);
+    }
+    // Two depths that meet at the slope -0.1: at x < -1 what hides the centre lies at 2, and the search finds both.
+    let two = [strip(-8.0, -0.2, 2.0), strip(-8.0, 0.0, 8.0)];
+    let jump = |config: &Pcss| visible(&two, 0.005, config) - visible(&two, -0.005, config);
+    let smooth = jump(&pcss()).abs();
+    assert!(smooth < 0.02, "a mean of all is continuous: {smooth}");
+    assert!(jump(&own).abs() > 2.0 * smooth, "{} at the hard edge, {smooth}", jump(&own));
+}
+
+#[test]
 fn a_strip_under_a_large_light_hides_its_share_and_taps_miss_it() {
     // |x| <= 0.1 at z = 5 hides 0.4 of 10.
     let columns = columns(&[strip(-0.1, 0.1, 5.0)]);
@@ -213,8 +233,8 @@ fn the_noise_of_taps_is_known_and_falls_with_their_number() {
         square.sqrt()
     };
     let [few, usual, many] = [16, 64, 256].map(deviation);
-    println!("noise of 16, 64 and 256 taps in a linear penumbra: {few:.4} {usual:.4} {many:.4}");
-    // Hammersley's points along an axis: a count is off by one at most, uniformly: 1 / (n sqrt(12)); and a texel's edge.
+    // Hammersley's points along an axis: a count is off by one at most, uniformly: 1 / (n sqrt(12)); and the distance that the
+    // search finds is exact. Measured: 0.0255, 0.0064 and 0.0016.
     for (found, taps) in [(few, 16.0), (usual, 64.0), (many, 256.0)] {
         assert!(found <= 1.5 / (taps * 12f64.sqrt()) + texel(5.0), "{taps} taps: {found}");
     }
