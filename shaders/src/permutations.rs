@@ -380,7 +380,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         let taps = if full { 16 } else { 0 };
         let constants = format!(
             "const HIERARCHY: bool = {full};\nconst UMBRA: bool = {full};\nconst BUDGET: i32 = 64;\n\
-             const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\n\
+             const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {full};\n\
              const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
              const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
              const TRIS: bool = {full};"

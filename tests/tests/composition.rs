@@ -171,7 +171,9 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
             count(1.0)
         );
         for config in sound_techniques(1024) {
-            let visibility = shoot(&gpu, &stage, &light, &config);
+            // Soft shadows of an area light are not those of its centre.
+            let shown = if config.id().starts_with("soft/") { &light_point } else { &light };
+            let visibility = shoot(&gpu, &stage, shown, &config);
             let (mut off, mut leaky) = (0, 0);
             for (i, (v, sample)) in visibility.iter().zip(&samples).enumerate() {
                 assert!((0.0..=1.0).contains(v), "{config:?}, {kind:?}: visibility {v}");
@@ -389,8 +391,13 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
                 let counters = technique.counters();
                 assert_eq!(counters["map_draws"], 0, "{config:?}, {kind:?}: draws");
                 assert_eq!(counters["map_passes"], 0, "{config:?}, {kind:?}: passes");
-                // The six matrices, at most 256 bytes apart, and the camera's, and no layer of 4 MiB.
-                assert!(technique.bytes() <= 7 * 256, "{config:?}: {} bytes", technique.bytes());
+                // The six matrices, at most 256 bytes apart, the camera's, what a store knows of the views, and no layer
+                // of 4 MiB.
+                assert!(
+                    technique.bytes() <= 7 * 256 + 1024,
+                    "{config:?}: {} bytes",
+                    technique.bytes()
+                );
             }
         }
     }

@@ -4,7 +4,7 @@
 use antumbra::Config;
 use antumbra_filter::PcfGrid;
 use antumbra_gpu::{Counters, Gpu};
-use antumbra_map::{MapConfig, Plain};
+use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::closed::{self, Occluder};
 use antumbra_reference::penumbra_width;
@@ -192,7 +192,6 @@ fn behind_one_plate_all_are_the_closed_form() {
             ("bitmask, 1024", mask(Samples::S1024)),
         ] {
             let (rmse, width) = plate.errors(&gpu, &config);
-            println!("{name} under {:?}: RMSE {rmse:.4}, width {width:+.4}", light.kind());
             assert!(rmse <= 0.01, "{name} under {light:?}: RMSE {rmse}");
             assert!(width.abs() <= 0.03, "{name} under {light:?}: width off by {width}");
         }
@@ -201,6 +200,74 @@ fn behind_one_plate_all_are_the_closed_form() {
         let (rmse, _) = plate.errors(&gpu, &fixed);
         assert!(rmse > 0.05, "a fixed kernel under {light:?}: RMSE {rmse}");
     }
+}
+
+/// Sheets that are endless in z, of x in the given ranges at the given depths below a square light of half size 1, and the
+/// point (x, 0) on a floor at the depth 10.
+fn below_a_square_light(gpu: &Gpu, sheets: &[(f64, f64, f64)], x: f64, config: &Config) -> f32 {
+    let mut scene = Scene { name: "sheets".to_owned(), ..Scene::default() };
+    let floor = generate::shapes::quad(DVec3::Y * -10.0, DVec3::Z * 60.0, DVec3::X * 60.0);
+    scene.add(floor, DAffine3::IDENTITY);
+    for (from, to, depth) in sheets {
+        let center = DVec3::new(0.5 * (from + to), -depth, 0.0);
+        let half = DVec3::X * 0.5 * (to - from);
+        scene.add(generate::shapes::quad(center, DVec3::Z * 50.0, half), DAffine3::IDENTITY);
+    }
+    let position = (DVec3::new(x, -10.0, 0.0) - scene.origin()).as_vec3();
+    let samples = [ViewSample { position, normal: Vec3::Y }];
+    let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
+    let light = Light::Rect { center: DVec3::ZERO, half_u: DVec3::X, half_v: DVec3::Z };
+    shoot(gpu, &stage, &light, config)[0]
+}
+
+#[test]
+fn what_theory_says_of_two_sheets_holds_from_casters_to_visibility() {
+    let gpu = gpu();
+    let window = |umbra| Window { umbra, budget: 128, ..Window::default() };
+    let areas =
+        |umbra| Config::BackProjection(BackProjection { map: map(1024), window: window(umbra) });
+    let mask = |occluders, umbra| {
+        let window = window(umbra);
+        Config::Bitmask(Bitmask { map: map(1024), window, occluders, ..Bitmask::default() })
+    };
+    // Windows of up to 400 texels in blocks of 4, of up to 2 / 256 of slope: k 10 / 8 2 / 256 a side.
+    let near = |found: f32, truth: f32, what: &str| {
+        assert!((found - truth).abs() < 0.04, "{what}: {found}, not {truth}");
+    };
+    // A slit between surfaces of different depth, which the light's centre does not see.
+    let slit = [(-50.0, 0.0, 2.0), (0.0, 50.0, 8.0)];
+    near(below_a_square_light(&gpu, &slit, -0.5, &areas(false)), 0.4375, "slit, areas");
+    let patches = mask(Occluders::Micropatch, false);
+    near(below_a_square_light(&gpu, &slit, -0.5, &patches), 0.4375, "slit, micropatches");
+    // With the cone not all of the far sheet counts as nearer than the receiver, and it is seen even so.
+    near(below_a_square_light(&gpu, &slit, -0.5, &areas(true)), 0.4375, "slit, areas, with umbra");
+    let bias = Bias { cone: 0.0, ..Bias::default() };
+    let umbra = Config::BackProjection(BackProjection {
+        map: MapConfig { bias, ..map(1024) },
+        window: window(true),
+    });
+    near(below_a_square_light(&gpu, &slit, -0.5, &umbra), 0.0, "slit, taken for umbra");
+    let quads = mask(Occluders::Microquad, false);
+    let no_cone = Config::Bitmask(Bitmask {
+        map: MapConfig { bias, ..map(1024) },
+        window: window(false),
+        ..Bitmask::default()
+    });
+    near(below_a_square_light(&gpu, &slit, -0.5, &no_cone), 0.0, "slit, microquads");
+    // Beside the light, and beside it and before it.
+    let beside = [(1.2, 3.0, 2.0), (0.4, 3.0, 8.0)];
+    near(below_a_square_light(&gpu, &beside, 0.0, &areas(true)), 1.0, "beside, areas");
+    let before = [(-0.4, 0.4, 8.0), (1.4, 1.8, 2.0)];
+    near(below_a_square_light(&gpu, &before, 0.0, &areas(true)), 0.0, "before, areas");
+    near(below_a_square_light(&gpu, &before, 0.0, &quads), 0.0, "before, microquads");
+    // One in another's shadow: 0 is true.
+    let hidden = [(-0.2, 0.2, 2.0), (-0.35, 0.35, 8.0)];
+    near(below_a_square_light(&gpu, &hidden, 0.0, &areas(true)), 0.75, "hidden, areas");
+    // And joined: what both hide, and what either does.
+    let both = [(-50.0, 0.0, 4.0), (-50.0, 0.0, 6.0)];
+    near(below_a_square_light(&gpu, &both, 0.0, &quads), 0.5, "both, microquads");
+    let either = [(-50.0, 0.0, 4.0), (0.0, 50.0, 6.0)];
+    near(below_a_square_light(&gpu, &either, 0.0, &quads), 0.0, "either, microquads");
 }
 
 #[test]
@@ -232,14 +299,6 @@ fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
         let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
         let truth = stage.truth(light, &options);
         let penumbra = truth.visibility.iter().filter(|v| **v > 0.0 && **v < 1.0).count() as u64;
-        println!(
-            "{:?}: penumbra {penumbra}, evaluated {} and {} without a pyramid, occluders {} and {}",
-            light.kind(),
-            counts["samples_penumbra"],
-            all["samples_penumbra"],
-            counts["occluders"],
-            all["occluders"],
-        );
         assert!(counts["samples_penumbra"] >= penumbra / 2, "the penumbra is evaluated");
         assert!(
             counts["samples_penumbra"] < all["samples_penumbra"]
@@ -298,7 +357,7 @@ fn a_lone_convex_body_shadows_nothing() {
             assert_eq!(acne, 0, "of {} samples: {config:?} under {light:?}", lit.len());
         }
     }
-    assert!(judged > 100_000, "{judged} samples");
+    assert!(judged > 50_000, "{judged} samples");
 }
 
 #[test]
@@ -340,7 +399,6 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
             error(&mask(Occluders::ExactMicroquad)),
             error(&mask(Occluders::Microtri)),
         ];
-        println!("{name}: PCF, PCSS, areas, patches, closed, quads, exact, tris: {errors:.4?}");
         let [pcf, pcss, areas, patches, closed, quads, exact, tris] = errors;
         assert!(pcf > 1.5 * pcss, "{name}: a fixed kernel {pcf}, PCSS {pcss}");
         assert!(pcss > areas, "{name}: PCSS {pcss}, areas {areas}");

@@ -272,10 +272,6 @@ fn estimators_agree_with_their_twins_under_every_light() {
             let worst = off.iter().copied().fold(0.0, f64::max);
             let far = off.iter().filter(|d| **d > close).count();
             let soft = exact.iter().filter(|v| **v > 0.0 && **v < 1.0).count();
-            println!(
-                "{name}, {:?}: worst {worst:.2e}, {far} of {COUNT} beyond {close}, {soft} in penumbra",
-                light.kind()
-            );
             assert!(far <= allowed, "{name} under {light:?}: {far} differ, by up to {worst}");
             assert!(soft > COUNT / 20, "{name}: only {soft} receivers in penumbra");
         };
@@ -313,17 +309,17 @@ fn estimators_agree_with_their_twins_under_every_light() {
             // in 30 at most, by as much.
             compare(&format!("{occluders:?}"), &found, &exact, 1e-6, COUNT / 30);
         }
-        for taps in [0, 64] {
-            let config =
-                Pcss { window, search: taps, filter: taps, turn: false, ..Pcss::default() };
+        for (taps, own) in [(0, false), (64, false), (64, true)] {
+            let (search, filter, turn) = (taps, taps, false);
+            let config = Pcss { window, search, filter, own, turn, ..Pcss::default() };
             let constants = format!(
-                "const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst TURN: bool = false;\n"
+                "const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {own};\nconst TURN: bool = false;\n"
             );
             let slots = base("soft::pcss", constants);
             let found = shade(&gpu, &slots, &view, kind, &receivers);
             let exact: Vec<f64> = twins.iter().map(|at| map.pcss(at, &config, 0.0).0).collect();
             // A tap, or the middle of a block, within rounding of a border falls to the other side.
-            compare(&format!("PCSS, {taps} taps"), &found, &exact, 1e-4, COUNT / 30);
+            compare(&format!("PCSS, {taps} taps, own {own}"), &found, &exact, 1e-4, COUNT / 30);
         }
     }
 }

@@ -55,11 +55,28 @@ impl Arrange for Facing {
             let tan_limit = DVec2::splat((1.0 + room).min(WIDEST));
             let back = -axis;
             let basis = DMat3::from_cols(up.cross(back), up, back).transpose();
-            fit_perspective(light, (center - fitting.origin, basis, tan_limit), hull, None, fitting)
+            let eye = center - fitting.origin;
+            // A face that no caster lies in has no view.
+            let hull = if in_reach(hull, center, &basis, tan_limit.x) { hull } else { &[] };
+            fit_perspective(light, (eye, basis, tan_limit), hull, None, fitting)
         };
         let [u, v, n] = axes;
         Ok([(u, v), (-u, v), (v, n), (-v, n), (n, v), (-n, v)].map(face).to_vec())
     }
+}
+
+/// Whether some of the hull of `points` may lie in the pyramid from `eye` down -z of `basis`, of half-angle tangent `tan`: not
+/// if all of them lie beyond one of its sides, or behind.
+fn in_reach(points: &[DVec3], eye: DVec3, basis: &DMat3, tan: f64) -> bool {
+    let local = || points.iter().map(|p| *basis * (*p - eye));
+    let sides: [fn(DVec3, f64) -> f64; 5] = [
+        |v, t| -t * v.z - v.x,
+        |v, t| -t * v.z + v.x,
+        |v, t| -t * v.z - v.y,
+        |v, t| -t * v.z + v.y,
+        |v, _| -v.z,
+    ];
+    sides.iter().all(|side| local().any(|v| side(v, tan) >= 0.0))
 }
 
 /// Right-handed unit axes of a light: along its sides, and its normal. The world's for a sphere.

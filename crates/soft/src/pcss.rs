@@ -24,6 +24,10 @@ pub struct Pcss {
     /// How much less a blocker counts at the border of the search window than at its middle, 0 to 1, default 0, as published:
     /// with 1 the weight falls to none with the square of the distance, so that contacts are not outvoted (Burley 2006).
     pub centre: f32,
+    /// A receiver that does not see the light's centre takes the distance of what hides that for the occluder's, and others
+    /// search, as fractional discs do (Valient, de Boer 2004); default false, a mean for all. The width of a penumbra
+    /// jumps at the hard shadow's edge where occluders lie at several depths.
+    pub own: bool,
     /// Turns taps by an angle that differs from pixel to pixel, default true: noise instead of bands.
     pub turn: bool,
 }
@@ -36,6 +40,7 @@ impl Default for Pcss {
             search: 32,
             filter: 64,
             centre: 0.0,
+            own: false,
             turn: true,
         }
     }
@@ -62,8 +67,8 @@ impl Pcss {
             return Err(GpuError::Invalid { what: "centre", value, fix });
         }
         let constants = format!(
-            "const SEARCH: i32 = {};\nconst FILTER: i32 = {};\nconst CENTRE: f32 = {:?};\nconst TURN: bool = {};\n",
-            self.search, self.filter, self.centre, self.turn,
+            "const SEARCH: i32 = {};\nconst FILTER: i32 = {};\nconst CENTRE: f32 = {:?};\nconst OWN: bool = {};\nconst TURN: bool = {};\n",
+            self.search, self.filter, self.centre, self.own, self.turn,
         );
         let all = self.window.budget.pow(2);
         let fetches = [self.search, self.filter].map(|taps| if taps == 0 { all } else { taps });

@@ -114,10 +114,13 @@ impl Map<'_> {
                 blocker(stored, central(s));
             }
         }
-        if total <= 0.0 {
-            return (1.0, None);
-        }
-        let distance = sum / total;
+        let texel = light.texel.floor().as_ivec2();
+        let own = self.inside(texel).then(|| self.occluder(receiver, texel, 1)).flatten();
+        let distance = match own.filter(|_| config.own) {
+            Some(stored) => light.distance_of(stored),
+            None if total <= 0.0 => return (1.0, None),
+            None => sum / total,
+        };
         (self.filtered(receiver, config, light.depth_of(distance), noise), Some(distance))
     }
 
