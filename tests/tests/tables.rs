@@ -367,6 +367,49 @@ fn a_y_map_is_an_n_buffer_over_a_mip_level_in_the_stated_memory() {
     }
 }
 
+#[test]
+fn each_layer_has_levels_of_its_own_and_room_is_kept() {
+    const SIZE: u32 = 16;
+    let gpu = gpu();
+    let values = whole_numbers(&mut Random(7), SIZE);
+    let source = image(&gpu, SIZE, &values);
+    for kind in [
+        PyramidKind::Mip,
+        PyramidKind::NBuffer(Anchor::Corner, Beyond::Repeat),
+        PyramidKind::YMap { mips: 3, anchor: Anchor::Middle, beyond: Beyond::Zero },
+    ] {
+        let mut several = Pyramid::new(&gpu, kind, &averages(1)).expect("a valid pyramid");
+        let mut kept = None;
+        // Fewer layers than before leave the others alone.
+        for count in [3usize, 2, 3] {
+            several.prepare(&gpu, &source, SIZE, &vec![LayerJob::default(); count]).expect("room");
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            several.encode(&mut Recorder::new(&mut encoder), "test");
+            gpu.queue.submit([encoder.finish()]);
+            let bytes = several.bytes();
+            assert_eq!(*kept.get_or_insert(bytes), bytes, "{kind:?}: {count} layers");
+        }
+        let one = pyramid(&gpu, kind, &averages(1), SIZE, &values);
+        for job in 0..3 {
+            for level in 0..one.levels() {
+                let read = |p: &Pyramid, layer| {
+                    read_f32_texture(&gpu, p.stack().expect("a stack"), layer).expect("read")
+                };
+                let layer = job * one.levels() + level;
+                assert_eq!(read(&several, layer), read(&one, level), "{kind:?}: {job}, {level}");
+            }
+            for level in 0..one.mips().map_or(0, wgpu::Texture::mip_level_count) {
+                let read = |p: &Pyramid, layer| {
+                    let mips = p.mips().expect("a mipmap");
+                    read_f32_level(&gpu, mips, layer, level).expect("read")
+                };
+                assert_eq!(read(&several, job), read(&one, 0), "{kind:?}: {job}, mip {level}");
+            }
+        }
+    }
+    assert_eq!(gpu.check(), Ok(()), "no error from wgpu");
+}
+
 const QUERIES: &str = "
 import package::gpu::nbuffer_window::{window_range, window_average};
 import package::config::{LEVELS};
@@ -403,14 +446,11 @@ fn ask(gpu: &Gpu, pyramid: &Pyramid, levels: u32, queries: &[[f32; 4]]) -> Vec<[
     let given = gpu.buffer("queries", bytemuck::cast_slice(queries), storage);
     let zeros = vec![0u8; queries.len() * 16];
     let found = gpu.buffer("found", &zeros, storage | wgpu::BufferUsages::COPY_SRC);
-    let view = pyramid.stack().expect("a stack").create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    });
+    let view = pyramid.stack_view().expect("a stack");
     let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("queries"),
         layout: &pipeline.get_bind_group_layout(0),
-        entries: &[bind::buffer(0, &given), bind::buffer(1, &found), bind::texture(2, &view)],
+        entries: &[bind::buffer(0, &given), bind::buffer(1, &found), bind::texture(2, view)],
     });
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());

@@ -22,7 +22,8 @@ use crate::prefilter::check;
 pub struct Interleaved {
     /// The shadow map.
     pub map: MapConfig,
-    /// Pixels a side of the block, 2 to 4, default 4. Cost: `block`² reads of neighbours a sample; what changes within
+    /// Pixels a side of the block, 2 to 4, default 4. Cost: `block`² reads of neighbours a sample, (`block` + 1)²
+    /// for an even one; what changes within
     /// as many pixels is blurred.
     pub block: u32,
     /// Taps of a pixel, 1 to 16, default 4: 64 in all with the default block. Cost: one compare each.
@@ -192,7 +193,8 @@ impl Technique for Joined {
         let mut counters = self.taps.counters();
         if self.joins {
             let samples = counters.get("view_samples").copied().unwrap_or(0);
-            counters.insert("neighbours", samples * u64::from(self.config.block).pow(2));
+            counters
+                .insert("neighbours", samples * u64::from(2 * (self.config.block / 2) + 1).pow(2));
         }
         counters
     }

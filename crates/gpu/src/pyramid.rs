@@ -3,7 +3,7 @@
 
 use antumbra_shaders::{Slot, blur_target, link, module, source};
 
-use crate::lines::{LayerJob, array_texture, texel_bytes, texel_name};
+use crate::lines::{LayerJob, array_texture, texel_bytes, texel_name, whole_view};
 use crate::{BlurShader, Gpu, GpuError, Recorder, bind, entries};
 
 /// Where the window of a texel x at level i of an N-buffer lies, along each axis.
@@ -67,8 +67,8 @@ struct Made {
     source: wgpu::TextureView,
     size: u32,
     layers: u32,
-    mips: Option<wgpu::Texture>,
-    stack: Option<wgpu::Texture>,
+    mips: Option<(wgpu::Texture, wgpu::TextureView)>,
+    stack: Option<(wgpu::Texture, wgpu::TextureView)>,
     stack_levels: u32,
     uniforms: wgpu::Buffer,
     /// Passes of each job in order.
@@ -284,6 +284,11 @@ impl Pyramid {
             }
         }
         let source = from.clone();
+        let whole = |texture: wgpu::Texture| {
+            let view = whole_view(&texture);
+            (texture, view)
+        };
+        let (mips, stack) = (mips.map(whole), stack.map(whole));
         Ok(Made { source, size, layers, mips, stack, stack_levels, uniforms, passes })
     }
 
@@ -309,13 +314,25 @@ impl Pyramid {
     /// The levels that are a mipmap: a layer for each job.
     #[must_use]
     pub fn mips(&self) -> Option<&wgpu::Texture> {
-        self.made.as_ref().and_then(|m| m.mips.as_ref())
+        self.made.as_ref().and_then(|m| m.mips.as_ref()).map(|(texture, _)| texture)
+    }
+
+    /// A `D2Array` view of [`Pyramid::mips`], all levels.
+    #[must_use]
+    pub fn mips_view(&self) -> Option<&wgpu::TextureView> {
+        self.made.as_ref().and_then(|m| m.mips.as_ref()).map(|(_, view)| view)
     }
 
     /// The levels that are an N-buffer: [`Pyramid::levels`] layers for each job.
     #[must_use]
     pub fn stack(&self) -> Option<&wgpu::Texture> {
-        self.made.as_ref().and_then(|m| m.stack.as_ref())
+        self.made.as_ref().and_then(|m| m.stack.as_ref()).map(|(texture, _)| texture)
+    }
+
+    /// A `D2Array` view of [`Pyramid::stack`].
+    #[must_use]
+    pub fn stack_view(&self) -> Option<&wgpu::TextureView> {
+        self.made.as_ref().and_then(|m| m.stack.as_ref()).map(|(_, view)| view)
     }
 
     /// Levels of the N-buffer.
