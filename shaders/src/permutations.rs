@@ -33,12 +33,21 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
             module("chart", chart),
         ]
     };
+    let cascades = |path| {
+        vec![
+            module("layout", path),
+            module("map::shadow", "sampling::cascade_shadow"),
+            source("cascades", "const CASCADES: i32 = 4;"),
+        ]
+    };
     vec![
         ("single", matrices("map::layout_single")),
         ("cube", matrices("map::layout_cube")),
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
         ("paraboloid", charts("map::layout_paraboloid", "map::paraboloid")),
+        ("cascades-by-map", cascades("sampling::cascade_by_map")),
+        ("cascades-by-depth", cascades("sampling::cascade_by_depth")),
     ]
 }
 

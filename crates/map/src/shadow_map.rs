@@ -97,6 +97,12 @@ impl ShadowMap {
         })
     }
 
+    /// The same map, with views that the arrangement fits which `arrange` makes of the present one.
+    #[must_use]
+    pub fn rearranged(self, arrange: impl FnOnce(Box<dyn Arrange>) -> Box<dyn Arrange>) -> Self {
+        Self { arrange: arrange(self.arrange), ..self }
+    }
+
     /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their matrices, and makes the layers that they need.
     ///
     /// # Errors

@@ -132,6 +132,13 @@ impl MapTechnique {
         Self::new(gpu, config, Estimator::nearest())
     }
 
+    /// Has the views fitted by the arrangement that `arrange` makes of the present one: cascades and warps take it for
+    /// the lights that are not theirs.
+    #[must_use]
+    pub fn rearranged(self, arrange: impl FnOnce(Box<dyn Arrange>) -> Box<dyn Arrange>) -> Self {
+        Self { map: self.map.rearranged(arrange), resolve: None, ..self }
+    }
+
     /// Has the map drawn from the casters' triangles by `depth` instead of [`antumbra_gpu::Casters::draw`].
     #[must_use]
     pub fn drawn_by(mut self, depth: CasterDepth) -> Self {
