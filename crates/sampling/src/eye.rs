@@ -71,15 +71,8 @@ impl Eye {
         // line's length a unit of depth. They are equal at c = (far + near) (l + k^2) / 2 l; beyond far, the far end
         // alone decides. (For the symmetric camera: Real-Time Shadows 4.1 after Valient 2008.)
         let length2 = middle.length_squared();
-        let k2 = self
-            .corners
-            .iter()
-            .map(|c| {
-                // An oblique picture's corners are not square to its middle line: what they are along it is left to
-                // the radius below.
-                c.distance_squared(middle)
-            })
-            .fold(0.0, f64::max);
+        // (An oblique picture's corners are not square to its middle line; the radius below has the last word.)
+        let k2 = self.corners.iter().map(|c| c.distance_squared(middle)).fold(0.0, f64::max);
         let depth = (0.5 * (far + near) * (length2 + k2) / length2).min(far);
         let center = self.position + middle * depth;
         let radius = [near, far]

@@ -79,7 +79,7 @@ fn tilted_light_needs_the_texels_that_were_computed_for_it() {
     // Degrees; texels a pixel without a warp, with the balanced one and with the best, for far / near 100 and 1000.
     for (degrees, hundred, thousand) in [
         (90.0, [9_900.0, 99.0, 99.0], [999_000.0, 999.0, 999.0]),
-        (60.0, [11_489.0, 238.5, 220.7], [1.154e6, 2_342.0, 2_276.0]),
+        (60.0, [11_489.0, 237.6, 220.7], [1.154e6, 2_342.0, 2_276.0]),
         (45.0, [11_124.0, 475.0, 358.0], [1.115e6, 5_099.0, 3_934.0]),
         (30.0, [10_000.0, 1_674.0, 1_223.0], [1.000e6, 47_604.0, 34_257.0]),
         (25.0, [10_465.0, 6_402.0, 5_950.0], [1.047e6, 1.272e6, 5.59e5]),
@@ -95,14 +95,8 @@ fn tilted_light_needs_the_texels_that_were_computed_for_it() {
                     view.storage(&view.warped(&light, &[], &rule, guarded).expect("a warp"))
                 });
             // Depths enter with powers of up to 3; the numbers have 3 digits and more.
-            let off = 6.0 * view.pad() + 2.0;
+            let off = 6.0 * view.pad() + 1e-3;
             let is = |found: f64, expected: f64| (found / expected - 1.0).abs() < off;
-            eprintln!(
-                "{degrees} {far}: {} {} {}",
-                none / expected[0],
-                balanced / expected[1],
-                best / expected[2]
-            );
             assert!(is(none, expected[0]), "{degrees} degrees to {far}, no warp: {none}");
             assert!(is(balanced, expected[1]), "{degrees} degrees to {far}, balanced: {balanced}");
             // Trials are a third apart.
