@@ -5,6 +5,7 @@ use std::path::Path;
 use antumbra::{Config, catalogue};
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
 use antumbra_map::{MapConfig, Omni, Plain};
+use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use anyhow::{Context as _, bail};
 use globset::Glob;
@@ -120,6 +121,7 @@ fn entries() -> Vec<Entry> {
     let omni = |omni| MapConfig { omni, ..MapConfig::default() };
     let plain = |layout| Config::Plain(Plain { map: omni(layout) });
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
+    let cascades = |fit, select| Config::Cascades(Cascades { fit, select, ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     defaults
@@ -147,6 +149,19 @@ fn entries() -> Vec<Entry> {
             variant("5-hw", castano(5, true)),
             variant("7-hw", castano(7, true)),
             variant("32", Config::PcfPoisson(PcfPoisson { taps: 32, ..Default::default() })),
+            variant("tight", cascades(CascadeFit::Tight, Select::Map)),
+            variant("warped", cascades(CascadeFit::Warped, Select::Map)),
+            variant("by-depth", cascades(CascadeFit::Steady, Select::Depth)),
+            variant(
+                "pcf",
+                Config::Cascades(Cascades {
+                    of: Box::new(Config::PcfBilinearGrid(PcfBilinearGrid {
+                        side: 1,
+                        ..Default::default()
+                    })),
+                    ..Default::default()
+                }),
+            ),
         ])
         .collect()
 }
