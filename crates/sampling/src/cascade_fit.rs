@@ -80,8 +80,13 @@ impl<'a> Slices<'a> {
         }
         let along = |points: &[DVec3], i: usize| span(points.iter().map(|p| basis.row(i).dot(*p)));
         let casters = [0, 1, 2].map(|i| along(&points, i));
-        let mut all = Bounds::EMPTY;
-        if !frame.casters.receivers(&mut |b| all = all.union(b)) || all.is_empty() {
+        let (mut all, mut nearest) = (Bounds::EMPTY, f64::INFINITY);
+        let place = eye.position + fitting.origin;
+        let known = frame.casters.receivers(&mut |b| {
+            all = all.union(b);
+            nearest = nearest.min(place.clamp(b.min, b.max).distance(place));
+        });
+        if !known || all.is_empty() {
             return None;
         }
         let receivers = all.corners().map(|p| p - fitting.origin);
@@ -90,10 +95,14 @@ impl<'a> Slices<'a> {
             return None;
         }
         let (near, far) = match settings.fit {
-            // Wherever it looks, the camera sees nothing farther than the farthest receiver is from it.
+            // Wherever it looks, the camera sees nothing farther than the farthest receiver is from it, and nothing
+            // at a smaller depth than the nearest receiver has in the picture's corner. The far end goes in small
+            // steps; the near one, which moves as one walks past things, in powers of 2.
             CascadeFit::Steady => {
                 let far = receivers.iter().map(|p| p.distance(eye.position)).fold(0.0, f64::max);
-                (eye.near, stepped(far).min(eye.far))
+                let corner = eye.corners.iter().map(|c| c.length()).fold(1.0, f64::max);
+                let near = ((nearest / corner).log2() + 1e-6).floor().exp2();
+                (eye.near.max(near), stepped(far).min(eye.far))
             }
             CascadeFit::Tight | CascadeFit::Warped => {
                 let (near, far) = span(seen.iter().map(|p| eye.depth(*p)));
@@ -126,8 +135,16 @@ impl<'a> Slices<'a> {
     /// One view for each cascade.
     pub(crate) fn views(&self) -> Vec<SeenView> {
         let light = self.to_light.extend(0.0);
-        let view = |i| self.view(i).unwrap_or_else(|| no_view(light));
-        (0..self.settings.count as usize).map(view).collect()
+        let mut views: Vec<SeenView> = Vec::new();
+        for i in 0..self.settings.count as usize {
+            let view = self.view(i).filter(|view| {
+                // By map, the first of two with the same window answers for both.
+                let same = |v: &SeenView| v.view.clip == view.view.clip;
+                self.settings.select == Select::Depth || !views.iter().any(same)
+            });
+            views.push(view.unwrap_or_else(|| no_view(light)));
+        }
+        views
     }
 
     /// What the shader selects by, as `sampling/cascade_by_*.wesl` says.
