@@ -56,7 +56,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 19] = [
+    const PASSES: [&str; 20] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -76,6 +76,7 @@ pub fn permutations() -> Vec<Permutation> {
         "map::peel",
         "map::between",
         "map::draw_ids",
+        "sampling::sdsm",
     ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();

@@ -173,6 +173,9 @@ techniques! {
     /// One map a slice of the view's depths.
     Cascades(antumbra_sampling::Cascades<Box<Config>>) = "sampling/cascades",
     #[cfg(feature = "sampling")]
+    /// Cascades measured from what is seen.
+    Sdsm(antumbra_sampling::Sdsm<Box<Config>>) = "sampling/sdsm",
+    #[cfg(feature = "sampling")]
     /// A map warped so that errors near and far are the same.
     Lispsm(antumbra_sampling::Lispsm<Box<Config>>) = "sampling/lispsm",
     #[cfg(feature = "sampling")]

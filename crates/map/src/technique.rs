@@ -6,7 +6,7 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve,
+    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Refit, Resolve,
     ShadowMap, ShadowView, Store, caster_depth, expectation,
 };
 
@@ -61,6 +61,7 @@ pub struct MapTechnique {
     drawn_by: Option<CasterDepth>,
     store: Option<Box<dyn Store>>,
     resolve: Option<(Layout, Resolve)>,
+    refit: Option<Box<dyn Refit>>,
     nothing: Option<wgpu::TextureView>,
     counters: Counters,
 }
@@ -119,6 +120,7 @@ impl MapTechnique {
             drawn_by: None,
             store,
             resolve: None,
+            refit: None,
             nothing: None,
             counters: Counters::new(),
         })
@@ -152,6 +154,12 @@ impl MapTechnique {
         &self.map
     }
 
+    /// The pass that looks up, once a frame was prepared.
+    #[must_use]
+    pub fn resolve(&self) -> Option<&Resolve> {
+        self.resolve.as_ref().map(|(_, resolve)| resolve)
+    }
+
     /// What is made of the map, if anything.
     #[must_use]
     pub fn store(&self) -> Option<&dyn Store> {
@@ -178,6 +186,7 @@ impl Technique for MapTechnique {
             let group = self.store.as_ref().and_then(|s| s.group_layout());
             let resolve = Resolve::with_group(gpu, &layout, &self.estimator, convention, group)?;
             self.resolve = Some((layout, resolve));
+            self.refit = self.map.arrange().refit(gpu, frame.light)?;
         }
         let mut layer = 0;
         let views: Vec<ShadowView> = self
@@ -196,6 +205,9 @@ impl Technique for MapTechnique {
             .collect();
         if let Some((_, resolve)) = &self.resolve {
             resolve.set_views(gpu, &views)?;
+        }
+        if let Some(refit) = &mut self.refit {
+            refit.prepare(gpu, frame, &self.map)?;
         }
         if self.drawn_by.is_some() {
             caster_depth::triangles(frame.casters)?;
@@ -229,6 +241,9 @@ impl Technique for MapTechnique {
             });
         };
         self.counters.clear();
+        if let Some(refit) = &mut self.refit {
+            refit.encode(gpu, frame, &self.map, resolve, recorder);
+        }
         if !self.store.as_ref().is_some_and(|s| s.draws()) {
             match &self.drawn_by {
                 Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
@@ -253,7 +268,9 @@ impl Technique for MapTechnique {
     }
 
     fn bytes(&self) -> u64 {
-        self.map.bytes() + self.store.as_ref().map_or(0, |s| s.bytes())
+        self.map.bytes()
+            + self.store.as_ref().map_or(0, |s| s.bytes())
+            + self.refit.as_ref().map_or(0, |r| r.bytes())
     }
 }
 

@@ -53,7 +53,7 @@ pub(crate) fn window_planes(clip: &DMat4) -> Vec<DVec4> {
         .collect()
 }
 
-fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
 }
 

@@ -7,6 +7,7 @@ mod cascade_fit;
 mod cascades;
 mod eye;
 mod over;
+mod sdsm;
 mod splits;
 mod storage;
 pub mod twin;
@@ -16,6 +17,7 @@ mod warps;
 
 pub use cascades::{CascadeFit, Cascades, Select};
 pub use eye::Eye;
+pub use sdsm::Sdsm;
 pub use splits::Splits;
 pub use storage::Body;
 pub use warp::{Line, Rule, unwarp, warp};
