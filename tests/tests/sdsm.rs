@@ -286,7 +286,14 @@ fn no_sample_one_sample_and_one_depth_are_served() {
 #[test]
 fn filters_stores_and_ids_run_over_measured_cascades() {
     let gpu = gpu();
-    let stage = Stage::new(&gpu, &boxes(), camera(0.05), 96, 96).expect("a stage");
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(60.0), DAffine3::IDENTITY);
+    for (x, z) in (-8..=8).flat_map(|x| (-8..=8).map(move |z| (f64::from(x), f64::from(z)))) {
+        cuboid(&mut scene, DVec3::new(5.0 * x + 0.7 * z, 1.5, 5.0 * z), DVec3::splat(0.5));
+    }
+    let eye = DVec3::new(0.0, 6.0, 6.0);
+    let seen = Camera { eye, target: eye - DVec3::new(0.0, 0.35, 1.0), fov_y: 1.2, ..camera(0.05) };
+    let stage = Stage::new(&gpu, &scene, seen, 96, 96).expect("a stage");
     let truth = stage.truth(&sun(), &TruthOptions::default());
     let error = |config: &Config| {
         let found = shoot(&gpu, &stage, config.build(&gpu).expect("a valid config").as_mut());
