@@ -17,7 +17,8 @@ const MAP: u32 = 512;
 fn built(gpu: &Gpu, config: &Cascades<()>, size: u32) -> MapTechnique {
     MapTechnique::plain(gpu, &MapConfig { size, ..MapConfig::default() })
         .expect("a valid config")
-        .rearranged(|others| config.arrange(others).expect("valid settings"))
+        .rearranged(|others| config.arrange(others))
+        .expect("valid settings")
 }
 
 fn cascades() -> Cascades<()> {

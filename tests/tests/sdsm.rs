@@ -20,7 +20,7 @@ fn plain(gpu: &Gpu) -> MapTechnique {
 }
 
 fn measured(gpu: &Gpu, config: &Sdsm<()>) -> MapTechnique {
-    plain(gpu).rearranged(|others| config.arrange(others).expect("valid settings"))
+    plain(gpu).rearranged(|others| config.arrange(others)).expect("valid settings")
 }
 
 fn camera(near: f64) -> Camera {
@@ -161,8 +161,11 @@ fn windows_are_those_of_brute_force() {
                 texel <= most && texel >= needed * 0.99,
                 "slice {slice}: texels of {texel}, {needed} needed"
             );
+            // Unless all that casts is no wider.
+            let all = (casters[i].1 - casters[i].0) / (size - 2.0 * guard - 1.0);
+            let on_grid = texel < 0.999 * all;
             assert!(
-                outer.0 <= left + (guard + 1.0) * texel + off,
+                !on_grid || outer.0 <= left + (guard + 1.0) * texel + off,
                 "slice {slice}: the border is off"
             );
             checked += 1;
@@ -182,7 +185,7 @@ fn texels_are_smaller_than_those_of_cascades_that_know_only_the_scene() {
     let sdsm_image = shoot(&gpu, &stage, &mut technique);
     let sdsm = quantiles(sampling(&gpu, &stage, &technique, &read_views(&gpu, &technique, 4)));
     let mut technique =
-        plain(&gpu).rearranged(|others| Cascades::<()>::default().arrange(others).expect("valid"));
+        plain(&gpu).rearranged(|others| Cascades::<()>::default().arrange(others)).expect("valid");
     let steady_image = shoot(&gpu, &stage, &mut technique);
     let steady = quantiles(sampling(&gpu, &stage, &technique, technique.map().views()));
     assert!((0..3).all(|i| sdsm[i] < 0.8 * steady[i]), "{sdsm:?} beside {steady:?}");

@@ -34,13 +34,15 @@ fn map() -> MapConfig {
 fn lispsm(gpu: &Gpu, config: &Lispsm<()>, size: u32) -> MapTechnique {
     MapTechnique::plain(gpu, &MapConfig { size, ..map() })
         .expect("a valid config")
-        .rearranged(|others| config.arrange(others).expect("valid settings"))
+        .rearranged(|others| config.arrange(others))
+        .expect("valid settings")
 }
 
 fn psm(gpu: &Gpu, guard: bool) -> MapTechnique {
     MapTechnique::plain(gpu, &map())
         .expect("a valid config")
-        .rearranged(|others| Psm { of: (), guard }.arrange(others))
+        .rearranged(|others| Ok(Psm { of: (), guard }.arrange(others)))
+        .expect("valid settings")
 }
 
 /// Looks along -z over a ground that is seen from 1.7 m before it on, with walls and posts as casters.

@@ -98,9 +98,14 @@ impl ShadowMap {
     }
 
     /// The same map, with views that the arrangement fits which `arrange` makes of the present one.
-    #[must_use]
-    pub fn rearranged(self, arrange: impl FnOnce(Box<dyn Arrange>) -> Box<dyn Arrange>) -> Self {
-        Self { arrange: arrange(self.arrange), ..self }
+    ///
+    /// # Errors
+    /// That of `arrange`.
+    pub fn rearranged(
+        self,
+        arrange: impl FnOnce(Box<dyn Arrange>) -> Result<Box<dyn Arrange>, GpuError>,
+    ) -> Result<Self, GpuError> {
+        Ok(Self { arrange: arrange(self.arrange)?, ..self })
     }
 
     /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their matrices, and makes the layers that they need.

@@ -136,9 +136,14 @@ impl MapTechnique {
 
     /// Has the views fitted by the arrangement that `arrange` makes of the present one: cascades and warps take it for
     /// the lights that are not theirs.
-    #[must_use]
-    pub fn rearranged(self, arrange: impl FnOnce(Box<dyn Arrange>) -> Box<dyn Arrange>) -> Self {
-        Self { map: self.map.rearranged(arrange), resolve: None, ..self }
+    ///
+    /// # Errors
+    /// That of `arrange`.
+    pub fn rearranged(
+        self,
+        arrange: impl FnOnce(Box<dyn Arrange>) -> Result<Box<dyn Arrange>, GpuError>,
+    ) -> Result<Self, GpuError> {
+        Ok(Self { map: self.map.rearranged(arrange)?, resolve: None, refit: None, ..self })
     }
 
     /// Has the map drawn from the casters' triangles by `depth` instead of [`antumbra_gpu::Casters::draw`].

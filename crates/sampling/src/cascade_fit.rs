@@ -219,14 +219,7 @@ impl<'a> Slices<'a> {
                 return None;
             }
             let texel = stepped((2.0 * radius).max(2.0 * self.least) / usable);
-            let middle = self.basis.row(i).dot(center);
-            *window = if hi - lo <= usable * texel {
-                // All of it: a window that does not depend on the camera.
-                let texel = (hi - lo).max(2.0 * self.least) / usable;
-                Window::of(0.5 * (lo + hi) - 0.5 * f64::from(self.fitting.size) * texel, texel)
-            } else {
-                self.snapped(middle - radius, texel)
-            };
+            *window = self.window(i, self.basis.row(i).dot(center) - radius, texel);
         }
         Some(windows)
     }
@@ -247,14 +240,22 @@ impl<'a> Slices<'a> {
                 return None;
             }
             let texel = stepped((hi - lo).max(2.0 * self.least) / self.fitting.usable());
-            *window = self.snapped(lo, texel);
+            *window = self.window(i, lo, texel);
         }
         Some(windows)
     }
 
-    /// The window whose guard band ends within a texel before `lo`, on a grid from the origin.
-    fn snapped(&self, lo: f64, texel: f64) -> Window {
-        Window::of(((lo / texel).floor() - f64::from(self.fitting.guard)) * texel, texel)
+    /// Along row `i` of the basis, the window of such texels whose guard band ends within one before `lo`, on a grid from
+    /// the origin; or that around all that can be shadowed, which no camera changes, where it is no wider.
+    fn window(&self, i: usize, lo: f64, texel: f64) -> Window {
+        let (size, guard) = (f64::from(self.fitting.size), f64::from(self.fitting.guard));
+        let (from, to) = self.shared[i];
+        let all = (to - from).max(2.0 * self.least) / self.fitting.usable();
+        if texel >= all {
+            Window { left: 0.5 * (from + to) - 0.5 * size * all, texel: all }
+        } else {
+            Window { left: ((lo / texel).floor() - guard) * texel, texel }
+        }
     }
 
     /// Depths, along the light, of the near and the far end: those of all casters, so that none is lost however far
@@ -285,10 +286,4 @@ struct Window {
     left: f64,
     /// Side of a texel, metres.
     texel: f64,
-}
-
-impl Window {
-    fn of(left: f64, texel: f64) -> Self {
-        Self { left, texel }
-    }
 }

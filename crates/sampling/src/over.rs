@@ -19,16 +19,5 @@ pub(crate) fn over_map(
             fix: "choose one that looks up a shadow map, such as map/plain or any of filter/",
         });
     };
-    let mut failed = None;
-    let technique = technique.rearranged(|others| match arrange(others) {
-        Ok(arranged) => arranged,
-        Err(error) => {
-            failed = Some(error);
-            Box::new(antumbra_map::Omni::Cube)
-        }
-    });
-    match failed {
-        Some(error) => Err(error),
-        None => Ok(Box::new(technique)),
-    }
+    Ok(Box::new(technique.rearranged(arrange)?))
 }
