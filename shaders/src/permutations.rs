@@ -33,12 +33,21 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
             module("chart", chart),
         ]
     };
+    let cascades = |path| {
+        vec![
+            module("layout", path),
+            module("map::shadow", "sampling::cascade_shadow"),
+            source("cascades", "const CASCADES: i32 = 4;"),
+        ]
+    };
     vec![
         ("single", matrices("map::layout_single")),
         ("cube", matrices("map::layout_cube")),
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
         ("paraboloid", charts("map::layout_paraboloid", "map::paraboloid")),
+        ("cascades-by-map", cascades("sampling::cascade_by_map")),
+        ("cascades-by-depth", cascades("sampling::cascade_by_depth")),
     ]
 }
 
@@ -47,7 +56,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 22] = [
+    const PASSES: [&str; 23] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -70,6 +79,7 @@ pub fn permutations() -> Vec<Permutation> {
         "sampling::view_samples_lists",
         "sampling::view_samples_casters",
         "sampling::view_samples_pieces",
+        "sampling::sdsm",
     ];
     let mut all: Vec<Permutation> =
         PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();

@@ -191,6 +191,21 @@ techniques! {
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
     #[cfg(feature = "sampling")]
+    /// One map a slice of the view's depths.
+    Cascades(antumbra_sampling::Cascades<Box<Config>>) = "sampling/cascades",
+    #[cfg(feature = "sampling")]
+    /// Cascades measured from what is seen.
+    Sdsm(antumbra_sampling::Sdsm<Box<Config>>) = "sampling/sdsm",
+    #[cfg(feature = "sampling")]
+    /// A map warped so that errors near and far are the same.
+    Lispsm(antumbra_sampling::Lispsm<Box<Config>>) = "sampling/lispsm",
+    #[cfg(feature = "sampling")]
+    /// A map warped so that what is near gets its share.
+    Tsm(antumbra_sampling::Tsm<Box<Config>>) = "sampling/tsm",
+    #[cfg(feature = "sampling")]
+    /// A map warped as the view is.
+    Psm(antumbra_sampling::Psm<Box<Config>>) = "sampling/psm",
+    #[cfg(feature = "sampling")]
     /// The view's samples in place of a map's.
     ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
     #[cfg(feature = "soft")]
@@ -240,6 +255,28 @@ impl Config {
     /// case of which nobody has said.
     #[must_use]
     pub fn expectation(&self, case: &str) -> Option<Expectation> {
+        self.settings().expectation(case)
+    }
+}
+
+/// The plain shadow map.
+impl Default for Config {
+    fn default() -> Self {
+        Self::Plain(antumbra_map::Plain::default())
+    }
+}
+
+/// So that a technique can be built on any other.
+impl TechniqueConfig for Config {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        self.settings().build(gpu)
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        self.settings_mut().set_map_size(size);
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
         self.settings().expectation(case)
     }
 }

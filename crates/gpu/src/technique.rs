@@ -1,5 +1,6 @@
 //! The contract between a frame, its casters and a shadow technique.
 
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -65,7 +66,10 @@ pub fn check_light(light: &Light) -> Result<(), GpuError> {
 }
 
 /// A shadow technique: from a frame to visibility.
-pub trait Technique {
+///
+/// It is [`Any`], so that what builds on a technique of a certain kind (cascades on any over a shadow map) finds out
+/// what it was given.
+pub trait Technique: Any {
     /// Fits, allocates and uploads for `frame`. Allocates nothing when sizes are those of the last
     /// call.
     ///
@@ -244,6 +248,20 @@ pub fn light_view_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
             count: None,
         }],
     })
+}
+
+impl<T: TechniqueConfig + ?Sized> TechniqueConfig for Box<T> {
+    fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        (**self).build(gpu)
+    }
+
+    fn set_map_size(&mut self, size: u32) {
+        (**self).set_map_size(size);
+    }
+
+    fn expectation(&self, case: &str) -> Option<Expectation> {
+        (**self).expectation(case)
+    }
 }
 
 /// The settings of a technique: plain data, whose default is what was published.

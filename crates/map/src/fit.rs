@@ -92,12 +92,15 @@ struct Stand<'a> {
     fitting: &'a Fitting,
 }
 
-/// What a view has to serve: the corners of the visible receivers, of the casters that can shadow them, and the
-/// half-spaces that hold these.
-struct Needed {
-    receivers: Vec<DVec3>,
-    casters: Vec<DVec3>,
-    volume: Vec<DVec4>,
+/// What a view has to serve; points and half-spaces are relative to the origin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Needed {
+    /// Corners of a convex body around the visible receivers.
+    pub receivers: Vec<DVec3>,
+    /// Corners of the casters that can shadow them.
+    pub casters: Vec<DVec3>,
+    /// Half-spaces (xyz inward unit normal, w offset) that hold these casters.
+    pub volume: Vec<DVec4>,
 }
 
 /// A matrix, and what holds all that it has to show: half-spaces, and ends along its axis.
@@ -176,7 +179,8 @@ pub fn fit_perspective(
 }
 
 /// Rows of a right-handed light basis: right, up, and `back`, the unit vector towards the light.
-pub(crate) fn basis(back: DVec3) -> DMat3 {
+#[must_use]
+pub fn basis(back: DVec3) -> DMat3 {
     let a = back.abs();
     let up = if a.x <= a.y && a.x <= a.z {
         DVec3::X
@@ -201,8 +205,10 @@ fn shared(a: (f64, f64), b: (f64, f64)) -> Option<(f64, f64)> {
 }
 
 impl Fitting {
-    /// Texels a side that are left for casters where the window moves in whole texels.
-    fn usable(&self) -> f64 {
+    /// Texels a side that are left for casters where the window moves in whole texels; less than 1 on a map that the
+    /// kernel fills.
+    #[must_use]
+    pub fn usable(&self) -> f64 {
         f64::from(self.size) - 2.0 * f64::from(self.guard) - 1.0
     }
 
@@ -244,9 +250,10 @@ impl Fitting {
 }
 
 impl Sight<'_> {
-    /// What matters for receivers within the half-spaces `cone` of a view. `texel` bounds the size of a texel, in
-    /// metres, anywhere among the receivers with the given corners.
-    fn needed(
+    /// What matters for receivers within the half-spaces `cone` (points relative to the origin); `None` where there is
+    /// no receiver or no caster that can shadow one. `texel` bounds the size of a texel, in metres, anywhere among
+    /// the receivers with the given corners.
+    pub fn needed(
         &self,
         light: &Light,
         cone: &[DVec4],

@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use antumbra_gpu::{Frame, GpuError};
+use antumbra_gpu::{Frame, Gpu, GpuError, Recorder};
 use antumbra_scene::Light;
 use antumbra_shaders::{Slot, module};
 use glam::DVec3;
 
-use crate::{Fitting, SeenView, Sight};
+use crate::{Fitting, Resolve, SeenView, ShadowMap, Sight};
 
 /// How casters get into a view of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,4 +84,37 @@ pub trait Arrange: fmt::Debug {
         sight: Option<&Sight<'_>>,
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError>;
+
+    /// What fits the views anew on the GPU, for `light`, from what only the GPU knows; nothing by default.
+    ///
+    /// # Errors
+    /// A shader that does not link.
+    fn refit(&self, gpu: &Gpu, light: &Light) -> Result<Option<Box<dyn Refit>>, GpuError> {
+        let _ = (gpu, light);
+        Ok(None)
+    }
+}
+
+/// Passes that write matrices over those that [`Arrange::fit`] gave, before the map is drawn. What they do not know of
+/// is left as it was fitted: half-spaces for culling, linear depth, the views that have a layer.
+pub trait Refit: fmt::Debug {
+    /// Uploads for a frame whose views `map` has fitted.
+    ///
+    /// # Errors
+    /// A frame that cannot be served.
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError>;
+
+    /// Records the passes. They write the matrices both into the views that `resolve` looks up
+    /// ([`Resolve::views`]) and into those that the map is drawn by ([`ShadowMap::matrices`]).
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        map: &ShadowMap,
+        resolve: &Resolve,
+        recorder: &mut Recorder<'_>,
+    );
+
+    /// Bytes of GPU memory held.
+    fn bytes(&self) -> u64;
 }

@@ -40,8 +40,10 @@ pub use bias::Bias;
 pub use caster_depth::{CasterDepth, Faces, PolygonOffset};
 pub use estimator::{Estimator, MapRead};
 pub use expectation::expectation;
-pub use fit::{FittedView, Fitting, SeenView, Sight, fit, fit_perspective, fit_seen};
-pub use layout::{Arrange, Drawing, Layout};
+pub use fit::{
+    FittedView, Fitting, Needed, SeenView, Sight, basis, fit, fit_perspective, fit_seen,
+};
+pub use layout::{Arrange, Drawing, Layout, Refit};
 pub use linear::LinearDepth;
 pub use omni::Omni;
 pub use peel::DepthPeel;

@@ -28,8 +28,9 @@ pub struct LinearDepth {
 const BEYOND: f64 = 1.0 / 1024.0;
 
 impl LinearDepth {
-    /// The function for the projection `clip`, whose depth must be one of distance along its axis alone (any
-    /// orthographic or perspective camera, of infinite range or not, that is not oblique), over casters whose
+    /// The function for the projection `clip`, whose depth is one of distance along its axis alone (any orthographic or
+    /// perspective camera, of infinite range or not, that is not oblique), or that warps parallel light, where depth
+    /// is linear along each ray and is taken as it is; over casters whose
     /// convex hull is that of `hull`, in the space that `clip` takes.
     #[must_use]
     pub fn new(clip: &DMat4, hull: &[DVec3], convention: DepthConvention) -> Self {
@@ -66,6 +67,13 @@ impl LinearDepth {
         // Depth is a + b / w.
         let a = depth.truncate().dot(axis) / axis.length_squared();
         let b = depth.w - a * w.w;
+        let aslant = depth.truncate() - a * axis;
+        if aslant.length() > 1e-6 * depth.truncate().length() {
+            // From the near end to behind the far one by as much.
+            let order = f64::from(convention.order());
+            let near = (order * convention.nearest()).min(order * empty);
+            return Self { coefficients: [order, -near, 0.0, 2.0], empty, last: 0.5 + BEYOND };
+        }
         // Casters nearer than the near plane are cut off.
         let first = convention.nearest();
         let plane = b / (first - a);

@@ -97,7 +97,9 @@ impl Resolve {
         let views = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("shadow views"),
             size: (layout.views * size_of::<ShadowView>()) as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
         Ok(Self {
@@ -127,6 +129,12 @@ impl Resolve {
         }
         gpu.queue.write_buffer(&self.views, 0, bytemuck::cast_slice(views));
         Ok(())
+    }
+
+    /// The views as the shader has them, an array of [`ShadowView`]; usages `STORAGE`, `COPY_DST` and `COPY_SRC`.
+    #[must_use]
+    pub fn views(&self) -> &wgpu::Buffer {
+        &self.views
     }
 
     /// Sets what the estimator reads beside its map, from now on.

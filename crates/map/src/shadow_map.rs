@@ -105,6 +105,17 @@ impl ShadowMap {
         Self { draws_receivers: receivers, ..self }
     }
 
+    /// The same map, with views that the arrangement fits which `arrange` makes of the present one.
+    ///
+    /// # Errors
+    /// That of `arrange`.
+    pub fn rearranged(
+        self,
+        arrange: impl FnOnce(Box<dyn Arrange>) -> Result<Box<dyn Arrange>, GpuError>,
+    ) -> Result<Self, GpuError> {
+        Ok(Self { arrange: arrange(self.arrange)?, ..self })
+    }
+
     /// Fits the views to the frame's casters, or to those of them that can shadow what its camera sees, uploads their
     /// matrices, and makes the layers that they need.
     ///
@@ -261,6 +272,25 @@ impl ShadowMap {
         self.arrange.as_ref()
     }
 
+    /// The matrices that layers are drawn by, and the bytes from one to the next; usages `UNIFORM`, `STORAGE`,
+    /// `COPY_DST` and `COPY_SRC`.
+    #[must_use]
+    pub fn matrices(&self) -> (&wgpu::Buffer, u32) {
+        (&self.matrices.buffer, self.stride)
+    }
+
+    /// Width of the band around casters that stays free of them, texels.
+    #[must_use]
+    pub fn guard(&self) -> u32 {
+        self.guard
+    }
+
+    /// Corners around all casters of the last frame, relative to its origin.
+    #[must_use]
+    pub fn hull(&self) -> &[DVec3] {
+        &self.hull
+    }
+
     /// The views with casters, in the order of their layers, for drawing into them.
     pub fn light_views<'a>(&'a self, frame: &Frame<'a>) -> impl Iterator<Item = LightView<'a>> {
         let (light, origin) = (frame.light, frame.origin);
@@ -336,7 +366,10 @@ impl Matrices {
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("light views"),
             size: u64::from(stride) * capacity as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            usage: wgpu::BufferUsages::UNIFORM
+                | wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {

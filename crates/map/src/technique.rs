@@ -6,7 +6,7 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve,
+    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Refit, Resolve,
     ShadowMap, ShadowView, Store, caster_depth, expectation,
 };
 
@@ -61,6 +61,7 @@ pub struct MapTechnique {
     drawn_by: Option<CasterDepth>,
     store: Option<Box<dyn Store>>,
     resolve: Option<(Layout, Resolve)>,
+    refit: Option<Box<dyn Refit>>,
     nothing: Option<wgpu::TextureView>,
     counters: Counters,
 }
@@ -134,6 +135,7 @@ impl MapTechnique {
             drawn_by: None,
             store,
             resolve: None,
+            refit: None,
             nothing: None,
             counters: Counters::new(),
         })
@@ -147,6 +149,18 @@ impl MapTechnique {
         Self::new(gpu, config, Estimator::nearest())
     }
 
+    /// Has the views fitted by the arrangement that `arrange` makes of the present one: cascades and warps take it for
+    /// the lights that are not theirs.
+    ///
+    /// # Errors
+    /// That of `arrange`.
+    pub fn rearranged(
+        self,
+        arrange: impl FnOnce(Box<dyn Arrange>) -> Result<Box<dyn Arrange>, GpuError>,
+    ) -> Result<Self, GpuError> {
+        Ok(Self { map: self.map.rearranged(arrange)?, resolve: None, refit: None, ..self })
+    }
+
     /// Has the map drawn from the casters' triangles by `depth` instead of [`antumbra_gpu::Casters::draw`].
     #[must_use]
     pub fn drawn_by(mut self, depth: CasterDepth) -> Self {
@@ -158,6 +172,12 @@ impl MapTechnique {
     #[must_use]
     pub fn map(&self) -> &ShadowMap {
         &self.map
+    }
+
+    /// The pass that looks up, once a frame was prepared.
+    #[must_use]
+    pub fn resolve(&self) -> Option<&Resolve> {
+        self.resolve.as_ref().map(|(_, resolve)| resolve)
     }
 
     /// What is made of the map, if anything.
@@ -186,6 +206,7 @@ impl Technique for MapTechnique {
             let group = self.store.as_ref().and_then(|s| s.group_layout());
             let resolve = Resolve::with_group(gpu, &layout, &self.estimator, convention, group)?;
             self.resolve = Some((layout, resolve));
+            self.refit = self.map.arrange().refit(gpu, frame.light)?;
         }
         let mut layer = 0;
         let views: Vec<ShadowView> = self
@@ -204,6 +225,9 @@ impl Technique for MapTechnique {
             .collect();
         if let Some((_, resolve)) = &self.resolve {
             resolve.set_views(gpu, &views)?;
+        }
+        if let Some(refit) = &mut self.refit {
+            refit.prepare(gpu, frame, &self.map)?;
         }
         if self.drawn_by.is_some() {
             caster_depth::triangles(frame.casters)?;
@@ -237,6 +261,9 @@ impl Technique for MapTechnique {
             });
         };
         self.counters.clear();
+        if let Some(refit) = &mut self.refit {
+            refit.encode(gpu, frame, &self.map, resolve, recorder);
+        }
         if !self.store.as_ref().is_some_and(|s| s.draws()) {
             match &self.drawn_by {
                 Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
@@ -269,7 +296,9 @@ impl Technique for MapTechnique {
     }
 
     fn bytes(&self) -> u64 {
-        self.map.bytes() + self.store.as_ref().map_or(0, |s| s.bytes())
+        self.map.bytes()
+            + self.store.as_ref().map_or(0, |s| s.bytes())
+            + self.refit.as_ref().map_or(0, |r| r.bytes())
     }
 }
 

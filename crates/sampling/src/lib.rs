@@ -3,6 +3,26 @@
 //!
 //! What is a layout here ([`antumbra_map::Arrange`]) serves every estimator and every store.
 
+mod cascade_fit;
+mod cascades;
+mod eye;
+mod over;
+mod sdsm;
+mod splits;
+mod storage;
+pub mod twin;
 pub mod view_samples;
+mod warp;
+mod warp_fit;
+mod warps;
 
+pub use cascades::{CascadeFit, Cascades, Select};
+pub use eye::Eye;
+pub use sdsm::Sdsm;
+pub use splits::Splits;
+pub use storage::Body;
 pub use view_samples::{ViewSampleMap, ViewSampleMapping};
+pub use warp::{Line, Rule, unwarp, warp};
+pub use warps::{Lispsm, Psm, Tsm};
+
+pub(crate) use over::over_map;

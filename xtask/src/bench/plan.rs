@@ -7,6 +7,7 @@ use antumbra_filter::{
     Esm, Fallback, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm, Table,
 };
 use antumbra_map::{MapConfig, Omni, Plain};
+use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use antumbra_soft::{Bitmask, Occluders, Pcss};
 use anyhow::{Context as _, bail};
@@ -123,6 +124,7 @@ fn entries() -> Vec<Entry> {
     let omni = |omni| MapConfig { omni, ..MapConfig::default() };
     let plain = |layout| Config::Plain(Plain { map: omni(layout) });
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
+    let cascades = |fit, select| Config::Cascades(Cascades { fit, select, ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
@@ -160,6 +162,19 @@ fn entries() -> Vec<Entry> {
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
             variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
+            variant("tight", cascades(CascadeFit::Tight, Select::Map)),
+            variant("warped", cascades(CascadeFit::Warped, Select::Map)),
+            variant("by-depth", cascades(CascadeFit::Steady, Select::Depth)),
+            variant(
+                "pcf",
+                Config::Cascades(Cascades {
+                    of: Box::new(Config::PcfBilinearGrid(PcfBilinearGrid {
+                        side: 1,
+                        ..Default::default()
+                    })),
+                    ..Default::default()
+                }),
+            ),
         ])
         .collect()
 }
