@@ -47,9 +47,11 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 19] = [
+    const PASSES: [&str; 21] = [
         "gpu::light_depth",
+        "gpu::light_depth_cut",
         "gpu::view_samples",
+        "gpu::view_samples_cut",
         "gpu::unproject",
         "gpu::probe",
         "map::planar",

@@ -1,5 +1,9 @@
 //! A ready-made set of meshes: casters for the light, and view samples for the camera.
 
+mod cutouts;
+mod parts;
+mod pipelines;
+
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -9,8 +13,11 @@ use glam::{DVec3, DVec4, Vec3, Vec4};
 use crate::record::depth_attachment;
 use crate::{
     CasterBody, CasterEdges, CasterTriangles, Casters, Drawn, Edges, Gpu, GpuError, LightView,
-    Recorder, ViewCamera, ViewSamples, bind, entries, light_view_layout,
+    Recorder, ViewCamera, ViewSamples, bind,
 };
+use cutouts::Cutouts;
+use parts::{Part, objects, parts};
+use pipelines::{depth_pipeline, samples_layout, samples_pipeline};
 
 /// The triangles of a scene on the GPU.
 #[derive(Debug)]
@@ -24,6 +31,8 @@ pub struct MeshSet {
     triangles: u32,
     depth: wgpu::RenderPipeline,
     samples: wgpu::RenderPipeline,
+    /// What it takes to draw triangles with holes, where there are any.
+    cutouts: Option<Cutouts>,
     camera: wgpu::Buffer,
     camera_group: wgpu::BindGroup,
     cull: bool,
@@ -32,42 +41,12 @@ pub struct MeshSet {
     edges: OnceLock<CasterEdges>,
 }
 
-/// One instance of the scene.
-#[derive(Clone, Debug)]
-struct Part {
-    /// Its range in the index buffer.
-    indices: Range<u32>,
-    /// World-space box.
-    bounds: Bounds,
-    /// Its triangles in groups, in the order of the index buffer.
-    clusters: Vec<Cluster>,
-    /// For a flat part that bounds the scene: its plane (xyz unit normal, w offset), the rest of the
-    /// scene on the positive side.
-    floor: Option<DVec4>,
-}
-
-/// Triangles of one instance that lie near one another.
-#[derive(Clone, Debug)]
-struct Cluster {
-    /// Their range in the index buffer.
-    indices: Range<u32>,
-    /// World-space box.
-    bounds: Bounds,
-}
-
-/// Most triangles of a cluster. Smaller ones cull more and cost more boxes to test: a mesh of 200,000 triangles has
-/// some 8000 of them.
-const CLUSTER: usize = 32;
-
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct CameraUniform {
     clip: [[f32; 4]; 4],
     eye: [f32; 4],
 }
-
-/// Depth format of casters' passes.
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 impl MeshSet {
     /// Uploads the triangles of `scene`, relative to its [`Scene::origin`].
@@ -88,7 +67,7 @@ impl MeshSet {
     /// reordered, so that neighbours in space are neighbours in the index buffer and can be culled together.
     ///
     /// # Errors
-    /// More data than the device takes in one buffer.
+    /// A cut-out without its data, or more data than the device takes in one buffer.
     pub fn from_triangles(gpu: &Gpu, triangles: &Triangles) -> Result<Self, GpuError> {
         let device = &gpu.device;
         let limit =
@@ -112,6 +91,8 @@ impl MeshSet {
             bytemuck::cast_slice(&triangles.positions),
             wgpu::BufferUsages::VERTEX,
         );
+        let samples_layout = samples_layout(gpu);
+        let cutouts = Cutouts::new(gpu, triangles, &samples_layout)?;
         let (parts, order) = parts(triangles);
         let indices = buffer("indices", bytemuck::cast_slice(&order), wgpu::BufferUsages::INDEX);
         let objects = buffer(
@@ -125,10 +106,9 @@ impl MeshSet {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let (samples, camera_layout) = samples_pipeline(gpu)?;
         let camera_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("view samples"),
-            layout: &camera_layout,
+            layout: &samples_layout,
             entries: &[
                 bind::buffer(0, &camera),
                 bind::buffer(1, &positions),
@@ -144,8 +124,9 @@ impl MeshSet {
             objects,
             vertices: triangles.positions.len() as u32,
             triangles: triangles.triangles.len() as u32,
-            depth: depth_pipeline(gpu)?,
-            samples,
+            depth: depth_pipeline(gpu, None)?,
+            samples: samples_pipeline(gpu, &samples_layout, None)?,
+            cutouts,
             camera,
             camera_group,
             cull: true,
@@ -217,9 +198,14 @@ impl MeshSet {
             &[target(&samples.positions_view), target(&samples.normals_view)],
             Some(depth_attachment(depth, 0.0)),
         );
-        pass.set_pipeline(&self.samples);
         pass.set_bind_group(0, &self.camera_group, &[]);
-        pass.draw(0..self.parts.last().map_or(0, |p| p.indices.end), 0..1);
+        pass.set_pipeline(&self.samples);
+        self.each_run(|part| !part.cut, |range| pass.draw(range, 0..1));
+        if let Some(cutouts) = &self.cutouts {
+            pass.set_pipeline(&cutouts.samples);
+            pass.set_bind_group(1, &cutouts.group, &[]);
+            self.each_run(|part| part.cut, |range| pass.draw(range, 0..1));
+        }
     }
 
     /// The parts that can shadow something under `light`.
@@ -238,27 +224,26 @@ impl MeshSet {
         move |part| !(cull && part.floor.as_ref().is_some_and(lies_below))
     }
 
-    /// Calls `visit` with the ranges of the index buffer that can shadow something in `view`. Clusters that follow
-    /// one another are one range.
-    fn runs(&self, view: &LightView<'_>, mut visit: impl FnMut(Range<u32>)) {
+    /// Calls `visit` with the ranges of the index buffer that can shadow something in `view`, of those parts that `which`
+    /// keeps. Clusters that follow one another are one range.
+    fn runs(
+        &self,
+        view: &LightView<'_>,
+        which: impl Fn(&Part) -> bool,
+        visit: impl FnMut(Range<u32>),
+    ) {
         let seen = |bounds: &Bounds| !(self.cull && outside(view, bounds));
         let casts = self.can_cast(view.light);
-        let matters = |part: &&Part| (view.receivers || casts(part)) && seen(&part.bounds);
-        let mut run = 0..0;
-        for part in self.parts.iter().filter(matters) {
-            for cluster in part.clusters.iter().filter(|cluster| seen(&cluster.bounds)) {
-                if run.end != cluster.indices.start {
-                    let done = std::mem::replace(&mut run, cluster.indices.clone());
-                    if !done.is_empty() {
-                        visit(done);
-                    }
-                }
-                run.end = cluster.indices.end;
-            }
-        }
-        if !run.is_empty() {
-            visit(run);
-        }
+        let matters =
+            |part: &&Part| which(part) && (view.receivers || casts(part)) && seen(&part.bounds);
+        let clusters = self.parts.iter().filter(matters).flat_map(|part| &part.clusters);
+        let clusters = clusters.filter(|cluster| seen(&cluster.bounds));
+        join(clusters.map(|cluster| cluster.indices.clone()), visit);
+    }
+
+    /// Calls `visit` with the ranges of the index buffer of the parts that `which` keeps.
+    fn each_run(&self, which: impl Fn(&Part) -> bool, visit: impl FnMut(Range<u32>)) {
+        join(self.parts.iter().filter(|part| which(part)).map(|part| part.indices.clone()), visit);
     }
 }
 
@@ -286,15 +271,22 @@ impl Casters for MeshSet {
 
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
         let mut drawn = Drawn::default();
+        let mut draw = |pass: &mut wgpu::RenderPass<'_>, range: Range<u32>| {
+            drawn.draws += 1;
+            drawn.triangles += u64::from((range.end - range.start) / 3);
+            pass.draw_indexed(range, 0, 0..1);
+        };
         pass.set_pipeline(&self.depth);
         pass.set_bind_group(0, view.bind_group, &[view.offset]);
         pass.set_vertex_buffer(0, self.positions.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-        self.runs(view, |range| {
-            drawn.draws += 1;
-            drawn.triangles += u64::from((range.end - range.start) / 3);
-            pass.draw_indexed(range, 0, 0..1);
-        });
+        self.runs(view, |part| !part.cut, |range| draw(pass, range));
+        if let Some(cutouts) = &self.cutouts {
+            pass.set_pipeline(&cutouts.depth);
+            pass.set_bind_group(1, &cutouts.group, &[]);
+            pass.set_vertex_buffer(1, cutouts.coordinates.slice(..));
+            self.runs(view, |part| part.cut, |range| draw(pass, range));
+        }
         drawn
     }
 
@@ -324,7 +316,24 @@ impl Casters for MeshSet {
     }
 
     fn ranges(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
-        self.runs(view, |range| visit(range.start / 3..range.end / 3));
+        self.runs(view, |_| true, |range| visit(range.start / 3..range.end / 3));
+    }
+}
+
+/// Calls `visit` with `ranges`, those that follow one another as one.
+fn join(ranges: impl Iterator<Item = Range<u32>>, mut visit: impl FnMut(Range<u32>)) {
+    let mut run = 0..0;
+    for range in ranges {
+        if run.end != range.start {
+            let done = std::mem::replace(&mut run, range.clone());
+            if !done.is_empty() {
+                visit(done);
+            }
+        }
+        run.end = range.end;
+    }
+    if !run.is_empty() {
+        visit(run);
     }
 }
 
@@ -337,168 +346,4 @@ fn outside(view: &LightView<'_>, bounds: &Bounds) -> bool {
         [|c| c.x > c.w, |c| -c.x > c.w, |c| c.y > c.w, |c| -c.y > c.w, |c| c.w <= 0.0];
     let behind = |plane: &DVec4| corners.iter().all(|c| plane.truncate().dot(*c) + plane.w < 0.0);
     beyond.iter().any(|plane| clipped.iter().all(plane)) || view.volume.iter().any(behind)
-}
-
-/// The number of the instance to which each triangle belongs.
-fn objects(triangles: &Triangles) -> Vec<u32> {
-    let mut objects = vec![0; triangles.triangles.len()];
-    for (object, range) in triangles.instances.iter().enumerate() {
-        objects[range.clone()].fill(object as u32);
-    }
-    objects
-}
-
-/// The instances of `triangles`, and the triangles in the order of their clusters.
-fn parts(triangles: &Triangles) -> (Vec<Part>, Vec<[u32; 3]>) {
-    let place = |i: u32| triangles.positions[i as usize].as_dvec3() + triangles.origin;
-    let mut order = triangles.triangles.clone();
-    let mut parts = Vec::new();
-    for range in triangles.instances.iter().filter(|range| !range.is_empty()) {
-        let mut clusters = Vec::new();
-        split(&mut order[range.clone()], range.start, &place, &mut clusters);
-        let bounds = clusters.iter().fold(Bounds::EMPTY, |all, c| all.union(c.bounds));
-        let indices = range.start as u32 * 3..range.end as u32 * 3;
-        parts.push(Part { indices, bounds, clusters, floor: None });
-    }
-    for i in 0..parts.len() {
-        parts[i].floor = floor_plane(triangles, &parts, i);
-    }
-    (parts, order)
-}
-
-/// Splits `triangles`, the first of which is number `first`, into clusters: in halves by their middles along the
-/// longest side of the box around these.
-fn split(
-    triangles: &mut [[u32; 3]],
-    first: usize,
-    place: &impl Fn(u32) -> DVec3,
-    clusters: &mut Vec<Cluster>,
-) {
-    if triangles.len() <= CLUSTER {
-        let indices = first as u32 * 3..(first + triangles.len()) as u32 * 3;
-        let bounds = Bounds::of(triangles.iter().flatten().map(|i| place(*i)));
-        clusters.push(Cluster { indices, bounds });
-        return;
-    }
-    let middle = |t: &[u32; 3]| t.iter().map(|i| place(*i)).sum::<DVec3>();
-    let spread = Bounds::of(triangles.iter().map(middle));
-    let axis = (spread.max - spread.min).max_position();
-    let half = triangles.len() / 2;
-    // Ties are broken by the vertices, so that the order is that of the triangles and no chance's.
-    triangles.sort_by(|s, t| middle(s)[axis].total_cmp(&middle(t)[axis]).then(s.cmp(t)));
-    let (low, high) = triangles.split_at_mut(half);
-    split(low, first, place, clusters);
-    split(high, first + half, place, clusters);
-}
-
-/// The plane of part `i`, when the part is flat and no other part reaches below it.
-///
-/// Such a part hides nothing from a light on its upper side: whatever it could shadow lies below it. The
-/// part is taken as flat only when its vertices share a plane exactly, which an axis-aligned ground does;
-/// a rotated one merely costs a draw.
-fn floor_plane(triangles: &Triangles, parts: &[Part], i: usize) -> Option<DVec4> {
-    let range = (parts[i].indices.start / 3) as usize..(parts[i].indices.end / 3) as usize;
-    let point = |index: u32| triangles.positions[index as usize].as_dvec3() + triangles.origin;
-    let first = triangles.triangles[range.clone()].iter().find_map(|t| {
-        let [a, b, c] = t.map(point);
-        let n = (b - a).cross(c - a).normalize_or_zero();
-        (n != DVec3::ZERO).then(|| n.extend(-n.dot(a)))
-    })?;
-    let side = |p: DVec3| p.dot(first.truncate()) + first.w;
-    if triangles.triangles[range].iter().flatten().any(|&v| side(point(v)) != 0.0) {
-        return None;
-    }
-    let others = || {
-        let rest = parts.iter().enumerate().filter(move |(j, _)| *j != i);
-        rest.flat_map(|(_, part)| part.bounds.corners()).map(side)
-    };
-    if others().all(|s| s >= 0.0) {
-        Some(first)
-    } else if others().all(|s| s <= 0.0) {
-        Some(-first)
-    } else {
-        None
-    }
-}
-
-fn depth_pipeline(gpu: &Gpu) -> Result<wgpu::RenderPipeline, GpuError> {
-    let device = &gpu.device;
-    let module = gpu.shader("light depth", antumbra_shaders::link("gpu::light_depth", &[])?);
-    Ok(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("light depth"),
-        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("light depth"),
-            bind_group_layouts: &[Some(&light_view_layout(device))],
-            immediate_size: 0,
-        })),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: Default::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: 12,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &wgpu::vertex_attr_array![0 => Float32x3],
-            })],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(reversed_depth()),
-        multisample: Default::default(),
-        fragment: None,
-        multiview_mask: None,
-        cache: None,
-    }))
-}
-
-fn samples_pipeline(gpu: &Gpu) -> Result<(wgpu::RenderPipeline, wgpu::BindGroupLayout), GpuError> {
-    const VS: wgpu::ShaderStages = wgpu::ShaderStages::VERTEX;
-    let device = &gpu.device;
-    let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("view samples"),
-        entries: &[
-            entries::uniform(0, VS | wgpu::ShaderStages::FRAGMENT),
-            entries::storage(1, VS),
-            entries::storage(2, VS),
-            entries::storage(3, VS),
-        ],
-    });
-    let module = gpu.shader("view samples", antumbra_shaders::link("gpu::view_samples", &[])?);
-    let target = Some(wgpu::ColorTargetState::from(ViewSamples::FORMAT));
-    let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("view samples"),
-        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("view samples"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        })),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(reversed_depth()),
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment"),
-            compilation_options: Default::default(),
-            targets: &[target.clone(), target],
-        }),
-        multiview_mask: None,
-        cache: None,
-    });
-    Ok((pipeline, layout))
-}
-
-/// Reversed depth keeps its precision far away: `f32` steps shrink towards 0.
-fn reversed_depth() -> wgpu::DepthStencilState {
-    wgpu::DepthStencilState {
-        format: DEPTH,
-        depth_write_enabled: Some(true),
-        depth_compare: Some(wgpu::CompareFunction::Greater),
-        stencil: Default::default(),
-        bias: Default::default(),
-    }
 }

@@ -169,7 +169,7 @@ pub trait Casters {
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn;
 
     /// The triangles of all casters, or `None` where the application keeps them to itself: techniques that
-    /// need them then refuse.
+    /// need them then refuse. Triangles with holes are given whole, and such techniques shadow them as whole ones.
     fn triangles(&self) -> Option<CasterTriangles<'_>> {
         None
     }

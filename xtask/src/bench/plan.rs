@@ -99,7 +99,7 @@ impl Plan {
 /// Prints every scene, light and technique there is.
 pub(super) fn list() {
     println!("Scenes (or any .glb, .gltf, .obj, .toml file):");
-    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX) {
+    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT) {
         println!("  {name:<24} {about}");
     }
     println!("Lights:");
@@ -220,8 +220,8 @@ fn open_scene(name: &str, ground: bool) -> anyhow::Result<(Scene, String)> {
             (scene, stem.into_owned())
         }
         None => {
-            let names: Vec<_> =
-                generate::ALL.iter().chain(generate::CONVEX).map(|(name, ..)| *name).collect();
+            let all = generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT);
+            let names: Vec<_> = all.map(|(name, ..)| *name).collect();
             bail!(
                 "no scene `{name}`; name a .glb, .gltf, .obj or .toml file, or one of: {}",
                 names.join(", ")
