@@ -167,6 +167,23 @@ fn what_a_camera_sees_is_no_coarser_than_through_one_map() {
     }
 }
 
+/// A mask knows one view a sample.
+#[test]
+fn where_several_views_are_looked_up_nothing_is_masked() {
+    let gpu = gpu();
+    let (scene, samples) = far_apart();
+    let stage = Stage::at_points(&gpu, &scene, &samples).expect("a stage");
+    let [masked, whole] = [true, false].map(|receiver_mask| {
+        let config = MapConfig { size: 256, receiver_mask, ..MapConfig::default() };
+        let arrange = Box::new(PerObject { most: 4, omni: Omni::default() });
+        let mut technique =
+            MapTechnique::arranged(&gpu, &config, Estimator::nearest(), arrange).expect("valid");
+        shoot(&gpu, &stage, &lights()[0], &mut technique)
+    });
+    assert!(masked.visibility == whole.visibility, "the same visibility");
+    assert_eq!(masked.counters, whole.counters, "the same work");
+}
+
 #[test]
 fn hard_cases_are_as_through_one_map() {
     let gpu = gpu();

@@ -247,7 +247,7 @@ impl ReceiverMask {
         samples: &ViewSamples,
         views: &wgpu::Buffer,
     ) {
-        let Some(room) = &self.room else { return };
+        let Some(room) = self.room.as_ref().filter(|_| self.views > 0) else { return };
         recorder.encoder.clear_buffer(&room.cells, 0, None);
         let bytes = u64::from(self.views) * DRAWS;
         recorder.encoder.copy_buffer_to_buffer(&room.blank, 0, &room.draws, 0, bytes);

@@ -26,7 +26,8 @@ pub struct MapConfig {
     /// change by a bit. Costs a pass over the view samples and one over the casters' clusters a view, and room for
     /// the indices of all triangles; saves the casters that shadow only what the camera does not see. For estimators
     /// that compare texels of the map itself, over projections by matrix and casters in clusters
-    /// ([`antumbra_gpu::Casters::clusters`]); other casters and projections are drawn as without.
+    /// ([`antumbra_gpu::Casters::clusters`]); other casters and projections are drawn as without, and so are layouts that
+    /// look up more than one view.
     pub receiver_mask: bool,
     /// Number of maps that objects have for themselves under directional and spot lights, up to 64; default 0: one map
     /// around all casters. With more objects than maps, neighbours share one. Each map costs a pass and a layer, and
@@ -201,7 +202,11 @@ impl MapTechnique {
     /// Takes note of what may be drawn of the casters, where it is masked.
     fn prepare_mask(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let layout = self.map.arrange().layout(frame.light);
+        // Who replaces this module may look up more than one view, or other texels than the estimator says.
+        let mut slots = layout.slots.iter().chain(&self.estimator.slots);
+        let as_usual = !slots.any(|(slot, _)| slot == "map::shadow");
         let masked = self.config.receiver_mask
+            && as_usual
             && self.drawn_by.is_none()
             && layout.drawing == Drawing::Matrix;
         let clusters = if masked { frame.casters.clusters(gpu) } else { None };
