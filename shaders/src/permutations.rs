@@ -42,6 +42,14 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
     };
     vec![
         ("single", matrices("map::layout_single")),
+        (
+            "objects",
+            vec![
+                module("layout", "map::layout_single"),
+                module("map::shadow", "map::shadow_least"),
+                source("objects", "const COUNT: i32 = 8;"),
+            ],
+        ),
         ("cube", matrices("map::layout_cube")),
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
@@ -56,9 +64,11 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 23] = [
+    const PASSES: &[&str] = &[
         "gpu::light_depth",
+        "gpu::light_depth_cut",
         "gpu::view_samples",
+        "gpu::view_samples_cut",
         "gpu::unproject",
         "gpu::probe",
         "map::planar",
@@ -73,6 +83,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::triangle",
         "volume::receivers",
         "volume::silhouettes",
+        "map::cull_clusters",
         "map::peel",
         "map::between",
         "map::draw_ids",
@@ -81,8 +92,8 @@ pub fn permutations() -> Vec<Permutation> {
         "sampling::view_samples_pieces",
         "sampling::sdsm",
     ];
-    let mut all: Vec<Permutation> =
-        PASSES.map(|root| Permutation { name: file_name(root), root, slots: Vec::new() }).into();
+    let pass = |root: &&'static str| Permutation { name: file_name(root), root, slots: Vec::new() };
+    let mut all: Vec<Permutation> = PASSES.iter().map(pass).collect();
     for (name, root, chart) in [
         ("map-traced-isocube", "map::traced", "map::isocube"),
         ("map-traced-paraboloid", "map::traced", "map::paraboloid"),
@@ -97,11 +108,10 @@ pub fn permutations() -> Vec<Permutation> {
         slots: vec![source("config", block)],
     });
     for (layout, slots) in layouts() {
-        all.push(Permutation {
-            name: format!("map-sampling-error-{layout}"),
-            root: "map::sampling_error",
-            slots,
-        });
+        for root in ["map::sampling_error", "map::receiver_mask"] {
+            let name = format!("{}-{layout}", file_name(root));
+            all.push(Permutation { name, root, slots: slots.clone() });
+        }
     }
     all.extend(blurs());
     for (name, mut slots) in soft() {

@@ -26,6 +26,7 @@ fn techniques(size: u32) -> Vec<Config> {
         }),
         Config::SecondDepth(SecondDepth { bias: 0.1, ..Default::default() }),
         Config::Esm(Esm { fallback: Fallback::Deeper, ..Default::default() }),
+        Config::Plain(Plain { map: MapConfig { receiver_mask: true, ..Default::default() } }),
     ]);
     for config in &mut all {
         config.set_map_size(size);

@@ -41,8 +41,8 @@ pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSam
 pub use sat::{Sat, SatNumbers, SatShader, sat_rounding};
 pub use scan::Scan;
 pub use technique::{
-    CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique,
-    TechniqueConfig, ViewCamera, check_light, light_view_layout,
+    CasterBody, CasterClusters, CasterTriangles, Casters, Counters, Drawn, Frame, LightView,
+    ListedTriangles, Technique, TechniqueConfig, ViewCamera, check_light, light_view_layout,
 };
 
 pub use wgpu;

@@ -10,6 +10,7 @@
 
 mod acne;
 mod bodies;
+mod cutout;
 mod edge;
 mod known;
 mod line;
@@ -367,6 +368,18 @@ pub const CASES: &[Case] = &[
         about: "a wire of 0.4 texels across the texels' rows at 30 degrees",
         number: "mean visibility under the wire's axis",
         measure: line::wire,
+    },
+    Case {
+        name: "HC-35 checker",
+        about: "a card of which every other square is there, each of 64 texels",
+        number: WRONG,
+        measure: cutout::cells,
+    },
+    Case {
+        name: "HC-35 checker of texels",
+        about: "the same with squares of a texel: half of the light comes through",
+        number: "distance of the mean visibility from a half",
+        measure: cutout::mean,
     },
     Case {
         name: "HC-38 depth along a long edge",

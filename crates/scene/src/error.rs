@@ -28,6 +28,22 @@ pub enum MeshError {
         /// Number of vertices of the mesh.
         vertices: usize,
     },
+    /// A cut-out does not fit its mesh.
+    #[error("mesh `{mesh}`: its cut-out {fault}")]
+    Cutout {
+        /// The mesh's name.
+        mesh: String,
+        /// What it has or lacks.
+        fault: &'static str,
+    },
+    /// A cut-out is that of a mesh that does not exist.
+    #[error("a cut-out is that of mesh {mesh} of {meshes}")]
+    CutoutOfNothing {
+        /// The mesh index it gives.
+        mesh: usize,
+        /// Number of meshes of the scene.
+        meshes: usize,
+    },
     /// An instance refers to a mesh that does not exist.
     #[error("instance `{instance}` refers to mesh {mesh} of {meshes}")]
     NoSuchMesh {

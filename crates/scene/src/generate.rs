@@ -7,6 +7,7 @@
 
 mod basic;
 mod built;
+mod cut;
 mod nature;
 mod random;
 pub mod shapes;
@@ -23,6 +24,7 @@ pub use basic::{
     thin_wall,
 };
 pub use built::{hall, street};
+pub use cut::{LeafCard, checker_card, leaf_card};
 pub use nature::{Grass, Hair, Terrain, Tree, grass, hair, terrain, tree};
 pub use thin::{THICKNESSES, ThinCasters, fence, wires};
 pub use topology::{moebius, non_manifold, pages, poles, t_junction, two_storeys, unorientable};
@@ -30,7 +32,7 @@ pub use topology::{moebius, non_manifold, pages, poles, t_junction, two_storeys,
 /// A scene's name, the function that makes it, and what it tests.
 pub type Entry = (&'static str, fn() -> Scene, &'static str);
 
-/// All generated scenes but the convex ones.
+/// All generated scenes but the convex ones and those with holes.
 pub const ALL: &[Entry] = &[
     (
         "half-plane",
@@ -101,10 +103,24 @@ pub const CONVEX: &[Entry] = &[
     ),
 ];
 
-/// The scene of that name, of [`ALL`] or [`CONVEX`].
+/// Casters with holes, which only techniques that have casters drawn see.
+pub const CUT_OUT: &[Entry] = &[
+    (
+        "leaf-card",
+        || leaf_card(&LeafCard::default()),
+        "a card of which a disc is there; closed form for every light",
+    ),
+    (
+        "checker-card",
+        || checker_card(64),
+        "HC-35: a card of which every other square is there; mean shadow 1/2",
+    ),
+];
+
+/// The scene of that name, of [`ALL`], [`CONVEX`] or [`CUT_OUT`].
 #[must_use]
 pub fn by_name(name: &str) -> Option<Scene> {
-    let mut entries = ALL.iter().chain(CONVEX);
+    let mut entries = ALL.iter().chain(CONVEX).chain(CUT_OUT);
     entries.find(|entry| entry.0 == name).map(|entry| (entry.1)())
 }
 

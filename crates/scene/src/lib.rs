@@ -26,6 +26,7 @@
 //! ```
 
 mod camera;
+mod cutout;
 mod error;
 mod frame;
 pub mod generate;
@@ -35,6 +36,7 @@ mod mesh;
 mod scene;
 
 pub use camera::Camera;
+pub use cutout::{AlphaMap, CutInstance, Cutout, Cutouts, Wrap};
 pub use error::{LoadError, MeshError};
 pub use light::{Light, LightKind};
 pub use load::{LoadOptions, REACH, Repairs, load};

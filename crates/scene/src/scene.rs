@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use crate::{Bounds, Camera, Light, Mesh, MeshError};
+use crate::{Bounds, Camera, CutInstance, Cutouts, Light, Mesh, MeshError};
 
 /// A mesh placed in the world.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +24,8 @@ pub struct Scene {
     pub name: String,
     /// Geometry, each mesh in its own space.
     pub meshes: Vec<Mesh>,
+    /// Those meshes of which only a part is there, by their index into [`Scene::meshes`].
+    pub cutouts: Cutouts,
     /// Meshes placed in the world.
     pub instances: Vec<Instance>,
     /// The camera, where the scene brings one.
@@ -46,6 +48,8 @@ pub struct Triangles {
     pub triangles: Vec<[u32; 3]>,
     /// For each instance of the scene, the range of its triangles.
     pub instances: Vec<std::ops::Range<usize>>,
+    /// The instances of which only a part is there, in their order.
+    pub cuts: Vec<CutInstance>,
 }
 
 impl Scene {
@@ -128,11 +132,16 @@ impl Scene {
     /// All triangles relative to `origin` (world space, metres).
     ///
     /// # Errors
-    /// A mesh that fails [`Mesh::validate`], an instance of a mesh that does not exist, a vertex
+    /// A mesh that fails [`Mesh::validate`], a cut-out that does not fit its mesh, an instance of a mesh that does not exist, a vertex
     /// whose place relative to `origin` is no finite `f32`, or more than `u32::MAX` vertices.
     pub fn triangles(&self, origin: DVec3) -> Result<Triangles, MeshError> {
         for mesh in &self.meshes {
             mesh.validate()?;
+        }
+        for (&mesh, cutout) in &self.cutouts {
+            let meshes = self.meshes.len();
+            let fault = MeshError::CutoutOfNothing { mesh, meshes };
+            cutout.validate(self.meshes.get(mesh).ok_or(fault)?)?;
         }
         let mut out = Triangles { origin, ..Triangles::default() };
         for instance in &self.instances {
@@ -145,6 +154,13 @@ impl Scene {
             // The last vertex must have a 32-bit index; so then have all below it.
             u32::try_from(first_vertex + mesh.positions.len()).map_err(|_| MeshError::TooLarge)?;
             let base = first_vertex as u32;
+            if let Some(cutout) = self.cutouts.get(&instance.mesh) {
+                out.cuts.push(CutInstance {
+                    instance: out.instances.len(),
+                    first_vertex: base,
+                    cutout: cutout.clone(),
+                });
+            }
             for (vertex, p) in mesh.positions.iter().enumerate() {
                 let place = instance.transform.transform_point3(p.as_dvec3()) - origin;
                 if !place.as_vec3().is_finite() {
@@ -160,7 +176,7 @@ impl Scene {
 }
 
 impl Triangles {
-    /// Writes the triangles as a Wavefront OBJ file in world space, one object for each instance.
+    /// Writes the triangles as a Wavefront OBJ file in world space, one object for each instance, all of them whole.
     ///
     /// Coordinates are `origin` plus position in `f64`, in the shortest decimal form that reads
     /// back as the same `f64`; with an origin of zero they therefore read back as the same `f32`.

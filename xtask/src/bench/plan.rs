@@ -103,7 +103,7 @@ impl Plan {
 /// Prints every scene, light and technique there is.
 pub(super) fn list() {
     println!("Scenes (or any .glb, .gltf, .obj, .toml file):");
-    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX) {
+    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT) {
         println!("  {name:<24} {about}");
     }
     println!("Lights:");
@@ -123,6 +123,8 @@ fn entries() -> Vec<Entry> {
         |suffix: &str, config: Config| Entry { name: format!("{}-{suffix}", config.id()), config };
     let omni = |omni| MapConfig { omni, ..MapConfig::default() };
     let plain = |layout| Config::Plain(Plain { map: omni(layout) });
+    let objects = MapConfig { objects: 8, ..MapConfig::default() };
+    let masked = MapConfig { receiver_mask: true, ..MapConfig::default() };
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let cascades = |fit, select| Config::Cascades(Cascades { fit, select, ..Default::default() });
     let castano =
@@ -131,6 +133,8 @@ fn entries() -> Vec<Entry> {
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
+            variant("receiver-mask", Config::Plain(Plain { map: masked })),
+            variant("objects", Config::Plain(Plain { map: objects })),
             variant("tetrahedron", plain(Omni::Tetrahedron)),
             variant("isocube", plain(Omni::Isocube)),
             variant("paraboloid", plain(Omni::DualParaboloid)),
@@ -248,8 +252,8 @@ fn open_scene(name: &str, ground: bool) -> anyhow::Result<(Scene, String)> {
             (scene, stem.into_owned())
         }
         None => {
-            let names: Vec<_> =
-                generate::ALL.iter().chain(generate::CONVEX).map(|(name, ..)| *name).collect();
+            let all = generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT);
+            let names: Vec<_> = all.map(|(name, ..)| *name).collect();
             bail!(
                 "no scene `{name}`; name a .glb, .gltf, .obj or .toml file, or one of: {}",
                 names.join(", ")

@@ -1,10 +1,12 @@
 //! A ray tracer for triangles that answers one question exactly: is the way free?
 
 mod build;
+mod cut;
 mod lanes;
 mod traverse;
 
 use antumbra_scene::Triangles;
+use cut::{Cuts, Surface, Whole};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -38,6 +40,14 @@ pub enum TraceError {
         /// Number of vertices.
         vertices: usize,
     },
+    /// A cut-out has no texture, or not one texture coordinate for each vertex of its triangles.
+    #[error(
+        "triangle {triangle}: its cut-out lacks a texture or texture coordinates; check it by `Cutout::validate`"
+    )]
+    Cutout {
+        /// Index of the first such triangle, or 0 where an instance or the whole texture is missing.
+        triangle: usize,
+    },
     /// More than 2^30 triangles.
     #[error("more than 1073741824 triangles; split the scene")]
     TooMany,
@@ -66,12 +76,14 @@ pub struct Hit {
 
 /// Triangles in a tree, ready to be asked whether they block a ray.
 ///
-/// Both sides of a triangle block. Neighbours that share an edge or a vertex leave no gap between
+/// Both sides of a triangle block, and of a cut-out what is there of it. Neighbours that share an edge or a vertex leave no gap between
 /// them for any ray. Answers depend on the triangles and the ray alone: not on the processor, the
 /// number of threads or the shape of the tree.
 #[derive(Clone)]
 pub struct Tracer {
     tree: build::Tree,
+    /// Triangles with holes, where there are any.
+    cuts: Option<Cuts>,
     /// [`Triangles::origin`].
     origin: DVec3,
     /// Largest absolute coordinate of a triangle, metres.
@@ -95,7 +107,7 @@ impl Tracer {
     /// Builds the tree, on all cores.
     ///
     /// # Errors
-    /// A triangle with a faulty index or coordinate, or too many triangles.
+    /// A triangle with a faulty index or coordinate, a cut-out without its data, or too many triangles.
     pub fn new(triangles: &Triangles) -> Result<Self, TraceError> {
         if triangles.triangles.len() > 1 << 30 {
             return Err(TraceError::TooMany);
@@ -116,6 +128,7 @@ impl Tracer {
         let empty = triangles.triangles.is_empty();
         Ok(Self {
             tree: build::build(triangles),
+            cuts: Cuts::new(triangles)?,
             origin: triangles.origin,
             extent: if empty { 0.0 } else { low.abs().max(high.abs()).max_element() },
             radius: if empty { 0.0 } else { 0.5 * (high - low).length() },
@@ -164,7 +177,11 @@ impl Tracer {
     #[must_use]
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32) -> bool {
-        self.traverse(&Ray { origin, direction, t_max }, &mut Any)
+        let ray = Ray { origin, direction, t_max };
+        match &self.cuts {
+            None => self.traverse(&ray, &mut Any(Whole)),
+            Some(cuts) => self.traverse(&ray, &mut Any(cuts)),
+        }
     }
 
     /// [`Tracer::occluded`] for many rays, on all cores. An eighth faster than one ray after the other,
@@ -181,14 +198,22 @@ impl Tracer {
 
     /// [`Tracer::occluded`] for many rays, on this thread.
     pub(crate) fn occluded_each(&self, rays: &[Ray], blocked: &mut [bool]) {
+        match &self.cuts {
+            None => self.each(rays, Whole, blocked),
+            Some(cuts) => self.each(rays, cuts, blocked),
+        }
+    }
+
+    fn each<S: Surface>(&self, rays: &[Ray], surface: S, blocked: &mut [bool]) {
+        let (tree, extent) = (&self.tree, self.extent);
         match self.instructions {
             // SAFETY: such instructions are only set where they were detected.
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => unsafe { each_avx512(&self.tree, rays, self.extent, blocked) },
+            Instructions::Avx512 => unsafe { each_avx512(tree, rays, extent, surface, blocked) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => unsafe { each_avx2(&self.tree, rays, self.extent, blocked) },
-            _ => traverse::each::<Portable>(&self.tree, rays, self.extent, blocked),
+            Instructions::Avx2 => unsafe { each_avx2(tree, rays, extent, surface, blocked) },
+            _ => traverse::each::<Portable, S>(tree, rays, extent, surface, blocked),
         }
     }
 
@@ -196,7 +221,14 @@ impl Tracer {
     /// points that a camera sees, not for shadows.
     #[must_use]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let mut closest = Closest { depth: f64::INFINITY, triangle: u32::MAX };
+        match &self.cuts {
+            None => self.closest_of(ray, Whole),
+            Some(cuts) => self.closest_of(ray, cuts),
+        }
+    }
+
+    fn closest_of<S: Surface>(&self, ray: &Ray, surface: S) -> Option<Hit> {
+        let mut closest = Closest { surface, depth: f64::INFINITY, triangle: u32::MAX };
         let longest = f64::from(ray.direction.abs().max_element());
         self.traverse(ray, &mut closest)
             .then(|| Hit { t: (closest.depth / longest) as f32, triangle: closest.triangle })
@@ -262,34 +294,57 @@ fn one_avx512<V: Visitor>(tree: &build::Tree, ray: &Ray, extent: f32, visitor: &
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
-fn each_avx2(tree: &build::Tree, rays: &[Ray], extent: f32, blocked: &mut [bool]) {
-    traverse::each::<Avx2>(tree, rays, extent, blocked);
+fn each_avx2<S: Surface>(
+    tree: &build::Tree,
+    rays: &[Ray],
+    extent: f32,
+    surface: S,
+    blocked: &mut [bool],
+) {
+    traverse::each::<Avx2, S>(tree, rays, extent, surface, blocked);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt,avx512f,avx512vl")]
-fn each_avx512(tree: &build::Tree, rays: &[Ray], extent: f32, blocked: &mut [bool]) {
-    traverse::each::<Avx2>(tree, rays, extent, blocked);
+fn each_avx512<S: Surface>(
+    tree: &build::Tree,
+    rays: &[Ray],
+    extent: f32,
+    surface: S,
+    blocked: &mut [bool],
+) {
+    traverse::each::<Avx2, S>(tree, rays, extent, surface, blocked);
 }
 
 /// Ends at whatever is met.
-struct Any;
+struct Any<S>(S);
 
-impl Visitor for Any {
+impl<S: Surface> Visitor for Any<S> {
+    type Surface = S;
     const DEPTHS: bool = false;
+    #[inline(always)]
+    fn surface(&self) -> S {
+        self.0
+    }
     fn meet(&mut self, _: u32, _: f64) -> f32 {
         0.0
     }
 }
 
 /// Keeps what is met first.
-struct Closest {
+struct Closest<S> {
+    surface: S,
     depth: f64,
     triangle: u32,
 }
 
-impl Visitor for Closest {
+impl<S: Surface> Visitor for Closest<S> {
+    type Surface = S;
     const DEPTHS: bool = true;
+    #[inline(always)]
+    fn surface(&self) -> S {
+        self.surface
+    }
     fn meet(&mut self, triangle: u32, depth: f64) -> f32 {
         if (depth, triangle) < (self.depth, self.triangle) {
             (self.depth, self.triangle) = (depth, triangle);

@@ -26,6 +26,7 @@ use glam::Vec3A;
 
 use super::Ray;
 use super::build::{LEAF, Packet, Tree, WIDTH};
+use super::cut::Surface;
 use super::lanes::Lanes;
 
 /// Unit roundoff of `f32`.
@@ -114,6 +115,10 @@ pub(super) trait Visitor {
     fn meet(&mut self, triangle: u32, depth: f64) -> f32;
     /// Whether triangles and depths matter, and not only that something was met.
     const DEPTHS: bool;
+    /// Whether triangles have holes.
+    type Surface: Surface;
+    /// Where these are.
+    fn surface(&self) -> Self::Surface;
 }
 
 /// Whether anything is met, with every triangle met shown to `visitor` if it wants them.
@@ -132,7 +137,13 @@ pub(super) fn one<L: Lanes, V: Visitor>(
 /// Eight rays are prepared before the first of them is traced: their divisions overlap, while at the
 /// end of a ray, which no processor foresees, there is nothing to overlap them with.
 #[inline(always)]
-pub(super) fn each<L: Lanes>(tree: &Tree, rays: &[Ray], extent: f32, blocked: &mut [bool]) {
+pub(super) fn each<L: Lanes, S: Surface>(
+    tree: &Tree,
+    rays: &[Ray],
+    extent: f32,
+    surface: S,
+    blocked: &mut [bool],
+) {
     const AHEAD: usize = 8;
     for (rays, blocked) in rays.chunks(AHEAD).zip(blocked.chunks_mut(AHEAD)) {
         let mut prepared = [const { None }; AHEAD];
@@ -140,8 +151,9 @@ pub(super) fn each<L: Lanes>(tree: &Tree, rays: &[Ray], extent: f32, blocked: &m
             *prepared = Prepared::new(ray, extent);
         }
         for (ray, blocked) in prepared.iter().zip(blocked) {
-            *blocked =
-                ray.as_ref().is_some_and(|ray| from_root::<L, _>(tree, ray, &mut super::Any));
+            *blocked = ray
+                .as_ref()
+                .is_some_and(|ray| from_root::<L, _>(tree, ray, &mut super::Any(surface)));
         }
     }
 }
@@ -204,6 +216,13 @@ fn descend<L: Lanes, V: Visitor>(
         } else {
             let packet = &tree.packets[(current & !LEAF) as usize];
             let (mut sure, mut unsure) = meet::<L>(packet, ray, depth);
+            if V::Surface::CUT && !V::DEPTHS {
+                // Holes are looked for where no whole triangle is met for sure.
+                let is_cut = |lane| visitor.surface().is_cut(packet.triangles[lane]);
+                let cut = (0..WIDTH).fold(0, |mask, lane| mask | u32::from(is_cut(lane)) << lane);
+                unsure |= sure & cut;
+                sure &= !cut;
+            }
             if V::DEPTHS {
                 unsure |= sure;
                 sure = 0;
@@ -214,8 +233,9 @@ fn descend<L: Lanes, V: Visitor>(
             while unsure != 0 {
                 let lane = unsure.trailing_zeros() as usize;
                 unsure &= unsure - 1;
-                if let Some(z) = meet_exactly(packet, lane, ray)
+                if let Some((z, weights)) = meet_exactly(packet, lane, ray)
                     && z < f64::from(depth)
+                    && visitor.surface().is_there(packet.triangles[lane], weights)
                 {
                     if !V::DEPTHS {
                         return true;
@@ -290,9 +310,10 @@ fn meet<L: Lanes>(packet: &Packet, ray: &Prepared, depth: f32) -> (u32, u32) {
 }
 
 /// The depth at which the ray meets the triangle in front of its origin, if it does: exact signs, and
-/// a depth to about 2^-50 of the corners' extent over the sine of the angle to the triangle's plane.
+/// a depth to about 2^-50 of the corners' extent over the sine of the angle to the triangle's plane. With the corners'
+/// weights there.
 #[cold]
-fn meet_exactly(packet: &Packet, lane: usize, ray: &Prepared) -> Option<f64> {
+fn meet_exactly(packet: &Packet, lane: usize, ray: &Prepared) -> Option<(f64, [f64; 3])> {
     let [kx, ky, kz] = ray.axes;
     let corner = |i: usize| {
         let z = packet.corners[kz][i][lane] - ray.origin[2];
@@ -309,5 +330,5 @@ fn meet_exactly(packet: &Packet, lane: usize, ray: &Prepared) -> Option<f64> {
         return None;
     }
     let z = (u * a[2] + v * b[2] + w * c[2]) / det * f64::from(ray.sign);
-    (z > 0.0).then_some(z)
+    (z > 0.0).then_some((z, [u, v, w]))
 }

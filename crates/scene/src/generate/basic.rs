@@ -10,7 +10,7 @@ use crate::{Light, Mesh, Scene};
 /// Half side of the floor of HC-01 to HC-05 and HC-08: they stand on 20 m x 20 m.
 const FLOOR_HALF: f64 = 10.0;
 
-fn over_floor(name: &str, caster: Mesh) -> Scene {
+pub(super) fn over_floor(name: &str, caster: Mesh) -> Scene {
     let mut scene = empty(name);
     scene.add(shapes::floor(FLOOR_HALF), DAffine3::IDENTITY);
     scene.add(caster, DAffine3::IDENTITY);
@@ -19,7 +19,7 @@ fn over_floor(name: &str, caster: Mesh) -> Scene {
 }
 
 /// The lights of HC-01, in the order C, B, A: from (1, 1, 0), straight down, a point at (0, 6, 0).
-fn lights_of_hc01() -> Vec<Light> {
+pub(super) fn lights_of_hc01() -> Vec<Light> {
     vec![
         Light::Directional {
             direction: DVec3::new(-FRAC_1_SQRT_2, -FRAC_1_SQRT_2, 0.0),

@@ -7,7 +7,8 @@ use super::*;
 use crate::{Bounds, Light, LightKind, Mesh};
 
 /// Meshes of the generated scenes that are sheets by intent; all others must be closed.
-const SHEETS: [&str; 13] = [
+const SHEETS: [&str; 14] = [
+    "card",
     "floor",
     "ground",
     "half-plane",
@@ -24,7 +25,7 @@ const SHEETS: [&str; 13] = [
 ];
 
 fn entries() -> impl Iterator<Item = &'static Entry> {
-    ALL.iter().chain(CONVEX)
+    ALL.iter().chain(CONVEX).chain(CUT_OUT)
 }
 
 /// Whether every edge is shared by exactly two triangles, in opposite directions.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::Repairs;
 use crate::{Mesh, MeshError};
@@ -27,6 +27,22 @@ pub(super) fn clean(
     triangles: impl Iterator<Item = [u32; 3]>,
     repairs: &mut Repairs,
 ) -> Result<Mesh, MeshError> {
+    clean_with_uv(name, source, None, triangles, repairs).map(|(mesh, _)| mesh)
+}
+
+/// As [`clean`], with the vertices' texture coordinates where they matter: then vertices become one only where these are
+/// the same too.
+///
+/// # Errors
+/// As [`clean`].
+pub(super) fn clean_with_uv(
+    name: String,
+    source: Source<'_>,
+    uv: Option<&[Vec2]>,
+    triangles: impl Iterator<Item = [u32; 3]>,
+    repairs: &mut Repairs,
+) -> Result<(Mesh, Option<Vec<Vec2>>), MeshError> {
+    let mut kept_uv = uv.map(|_| Vec::new());
     let (Source::Welded(positions) | Source::Separate(positions)) = source;
     let mut mesh = Mesh { name, ..Mesh::default() };
     let mut kept = HashMap::new();
@@ -53,12 +69,17 @@ pub(super) fn clean(
         }
         let mut out = [0; 3];
         for i in 0..3 {
+            let at = uv.and_then(|uv| uv.get(triangle[i] as usize)).map_or(Vec2::ZERO, |uv| *uv);
             let key = match source {
-                Source::Welded(_) => corners[i].to_array().map(f32::to_bits),
-                Source::Separate(_) => [triangle[i], 0, 0],
+                Source::Welded(_) => {
+                    let [x, y, z] = corners[i].to_array().map(f32::to_bits);
+                    [x, y, z, at.x.to_bits(), at.y.to_bits()]
+                }
+                Source::Separate(_) => [triangle[i], 0, 0, 0, 0],
             };
             out[i] = *kept.entry(key).or_insert_with(|| {
                 mesh.positions.push(corners[i]);
+                kept_uv.as_mut().into_iter().for_each(|kept| kept.push(at));
                 // As many vertices as there are 32-bit indices or bit patterns used at most; the
                 // limit on triangles is far below.
                 (mesh.positions.len() - 1) as u32
@@ -66,7 +87,7 @@ pub(super) fn clean(
         }
         mesh.triangles.push(out);
     }
-    Ok(mesh)
+    Ok((mesh, kept_uv))
 }
 
 /// Whether the corners lie on a line. In f64 the products of two differences of f32 values of like

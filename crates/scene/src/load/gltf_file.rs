@@ -5,22 +5,25 @@
 
 mod accessor;
 mod buffers;
+mod mask;
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3};
 use gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Node, Root};
 use serde_json::Value;
 
-use super::clean::{Source, clean};
+use super::clean::{Source, clean_with_uv};
 use super::{LoadOptions, Repairs, read_file, unreadable};
-use crate::{Camera, Instance, Light, LoadError, Mesh, Scene};
+use crate::{Camera, Cutout, Instance, Light, LoadError, Mesh, Scene};
 use accessor::Accessors;
 use buffers::Buffers;
+use mask::Masks;
 
 pub(super) fn load(
     path: &Path,
@@ -29,7 +32,8 @@ pub(super) fn load(
 ) -> Result<Scene, LoadError> {
     let bytes = read_file(path)?;
     let (json, blob) = split(&bytes).map_err(|reason| unreadable(path, reason))?;
-    let root = parse(json).map_err(|reason| unreadable(path, reason))?;
+    let (root, masks) = parse(json).map_err(|reason| unreadable(path, reason))?;
+    repairs.opaque_materials += masks.faulty;
     let mut reader = Reader {
         path,
         options,
@@ -37,6 +41,7 @@ pub(super) fn load(
         accessors: Accessors::new(&root, Buffers::new(path, &root, blob)),
         root: &root,
         scene: Scene::default(),
+        masks,
         meshes: HashMap::new(),
         triangles: 0,
     };
@@ -67,8 +72,9 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<Vec<u8>>), String> {
 }
 
 /// Parses the JSON text without everything that has no shape: materials, images, animations, skins.
-/// Faults there, a texture in an unknown format for one, then cannot stop the geometry.
-fn parse(json: &[u8]) -> Result<Root, String> {
+/// Faults there, a texture in an unknown format for one, then cannot stop the geometry. Materials are read before, for
+/// what their alpha leaves of a shape.
+fn parse(json: &[u8]) -> Result<(Root, Masks), String> {
     let mut root: Value = serde_json::from_slice(json).map_err(|e| format!("JSON: {e}"))?;
     let version = root.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
     if !version.starts_with("2.") {
@@ -82,20 +88,24 @@ fn parse(json: &[u8]) -> Result<Root, String> {
             return Err(format!("requires the extension `{extension}`, which is not supported"));
         }
     }
+    let masks = Masks::new(&root);
     if let Some(root) = root.as_object_mut() {
         for key in ["materials", "textures", "images", "samplers", "animations", "skins"] {
             root.remove(key);
         }
     }
-    for object in elements(&mut root, "meshes") {
-        for primitive in elements(object, "primitives").iter_mut().filter_map(Value::as_object_mut)
-        {
+    for (mesh, object) in elements(&mut root, "meshes").iter_mut().enumerate() {
+        for (number, primitive) in elements(object, "primitives").iter_mut().enumerate() {
+            let Some(primitive) = primitive.as_object_mut() else { continue };
             for key in ["material", "targets", "extensions", "extras"] {
                 primitive.remove(key);
             }
             let attributes = primitive.get_mut("attributes").and_then(Value::as_object_mut);
             if let Some(attributes) = attributes {
-                attributes.retain(|name, _| name == "POSITION");
+                attributes.retain(|name, accessor| {
+                    let is_uv = accessor.is_u64() && masks.reads(mesh, number, name);
+                    name == "POSITION" || is_uv
+                });
             }
         }
     }
@@ -107,7 +117,8 @@ fn parse(json: &[u8]) -> Result<Root, String> {
     for scene in elements(&mut root, "scenes").iter_mut().filter_map(Value::as_object_mut) {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
-    gltf::json::deserialize::from_value(root).map_err(|e| format!("JSON: {e}"))
+    let root = gltf::json::deserialize::from_value(root).map_err(|e| format!("JSON: {e}"))?;
+    Ok((root, masks))
 }
 
 fn elements<'a>(value: &'a mut Value, key: &str) -> &'a mut [Value] {
@@ -124,6 +135,7 @@ struct Reader<'a> {
     repairs: &'a mut Repairs,
     root: &'a Root,
     accessors: Accessors<'a>,
+    masks: Masks,
     scene: Scene,
     /// For each glTF mesh met so far the scene's meshes of its primitives.
     meshes: HashMap<usize, Vec<usize>>,
@@ -233,11 +245,14 @@ impl Reader<'_> {
                 1 => name.clone(),
                 _ => format!("{name}.{number}"),
             };
-            let Some(mesh) = self.primitive(name, primitive)? else {
+            let Some((mesh, cutout)) = self.primitive(name, primitive, (index, number))? else {
                 continue;
             };
             if !mesh.triangles.is_empty() {
                 made.push(self.scene.meshes.len());
+                if let Some(cutout) = cutout {
+                    self.scene.cutouts.insert(self.scene.meshes.len(), Arc::new(cutout));
+                }
                 self.scene.meshes.push(mesh);
             }
         }
@@ -249,7 +264,8 @@ impl Reader<'_> {
         &mut self,
         name: String,
         primitive: &Primitive,
-    ) -> Result<Option<Mesh>, LoadError> {
+        number: (usize, usize),
+    ) -> Result<Option<(Mesh, Option<Cutout>)>, LoadError> {
         let in_mesh = |reason: String| format!("mesh `{name}`: {reason}");
         let Checked::Valid(mode) = primitive.mode else {
             return Err(self.fault(in_mesh("has a primitive of unknown mode".to_owned())));
@@ -289,9 +305,39 @@ impl Reader<'_> {
         });
         let source = if self.options.weld { Source::Welded } else { Source::Separate };
         let positions: &[Vec3] = &positions;
-        clean(name, source(positions), triangles, self.repairs)
-            .map(Some)
-            .map_err(|source| LoadError::Mesh { path: self.path.to_owned(), source })
+        let uv = self.texture_coordinates(primitive, number, positions.len());
+        let (mesh, uv) =
+            clean_with_uv(name, source(positions), uv.as_deref(), triangles, self.repairs)
+                .map_err(|source| LoadError::Mesh { path: self.path.to_owned(), source })?;
+        let cutout = match (self.masks.of(number.0, number.1).cloned(), uv) {
+            (Some(mask), Some(uv)) => {
+                let made = self.masks.cutout(&mask, &uv, &mut self.accessors);
+                made.unwrap_or_else(|_| {
+                    self.repairs.opaque_materials += 1;
+                    None
+                })
+            }
+            _ => None,
+        };
+        Ok(Some((mesh, cutout)))
+    }
+
+    /// The texture coordinates by which a primitive is cut out: those of its vertices, of which there are `count`; all
+    /// zero for a mask without a texture; `None` where it is not, or where they are of no use.
+    fn texture_coordinates(
+        &mut self,
+        primitive: &Primitive,
+        (mesh, number): (usize, usize),
+        count: usize,
+    ) -> Option<Vec<Vec2>> {
+        let Some(set) = self.masks.of(mesh, number)?.set() else {
+            return Some(vec![Vec2::ZERO; count]);
+        };
+        let accessor = primitive.attributes.get(&Checked::Valid(Semantic::TexCoords(set)));
+        let uv = accessor.and_then(|a| self.accessors.texture_coordinates(a.value()).ok());
+        let uv = uv.filter(|uv| uv.len() == count && uv.iter().all(|uv| uv.is_finite()));
+        self.repairs.opaque_materials += usize::from(uv.is_none());
+        uv
     }
 }
 

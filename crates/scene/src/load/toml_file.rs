@@ -156,6 +156,7 @@ fn add_file(
         let part = load_geometry(&file, options, repairs)?;
         let base = scene.meshes.len();
         scene.meshes.extend(part.meshes);
+        scene.cutouts.extend(part.cutouts.into_iter().map(|(mesh, cut)| (mesh + base, cut)));
         let moved = part.instances.into_iter().map(|i| Instance { mesh: i.mesh + base, ..i });
         known.insert(file.clone(), moved.collect());
     }

@@ -2,6 +2,7 @@
 
 mod broken;
 mod gltf;
+mod gltf_alpha;
 mod obj;
 mod placement;
 mod toml;

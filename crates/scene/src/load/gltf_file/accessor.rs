@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, buffer};
@@ -44,6 +44,42 @@ impl<'a> Accessors<'a> {
         let positions = Rc::new(positions.map_err(|e| format!("accessor {index}: {e}"))?);
         self.positions.insert(index, positions.clone());
         Ok(positions)
+    }
+
+    /// Texture coordinates: two floats, or two normalised unsigned integers.
+    pub(super) fn texture_coordinates(&mut self, index: usize) -> Result<Vec<Vec2>, String> {
+        let accessor = self.accessor(index)?;
+        let component = component(accessor, Type::Vec2, index)?;
+        let read = |bytes: &[u8]| {
+            let mut uv = [0.0; 2];
+            for (value, bytes) in uv.iter_mut().zip(bytes.chunks_exact(component.size())) {
+                *value = coordinate(bytes, component, accessor.normalized);
+            }
+            Vec2::from_array(uv)
+        };
+        self.elements(accessor, 2 * component.size(), Vec2::ZERO, &read)
+            .map_err(|e| format!("accessor {index}: {e}"))
+    }
+
+    /// The bytes of a file beside the scene's, or of a data URI.
+    pub(super) fn file(&mut self, uri: &str) -> Result<Rc<Vec<u8>>, String> {
+        self.buffers.open(uri)
+    }
+
+    /// The bytes of a buffer view.
+    pub(super) fn view(&mut self, number: usize) -> Result<Rc<Vec<u8>>, String> {
+        let view = self.buffer_view(number)?;
+        let buffer = self.buffers.get(view.buffer.value())?;
+        let start = view.byte_offset.map_or(0, |o| o.0);
+        slice(&buffer, start, view.byte_length.0)
+            .map(|bytes| Rc::new(bytes.to_vec()))
+            .ok_or_else(|| format!("buffer view {number} reaches beyond its buffer"))
+    }
+
+    fn buffer_view(&self, number: usize) -> Result<&'a buffer::View, String> {
+        self.root.buffer_views.get(number).ok_or_else(|| {
+            format!("refers to buffer view {number} of {}", self.root.buffer_views.len())
+        })
     }
 
     /// Vertex indices: unsigned integers of 8, 16 or 32 bits.
@@ -115,9 +151,7 @@ impl<'a> Accessors<'a> {
         read: &dyn Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, String> {
         let number = view.value();
-        let view = (self.root.buffer_views.get(number)).ok_or_else(|| {
-            format!("refers to buffer view {number} of {}", self.root.buffer_views.len())
-        })?;
+        let view = self.buffer_view(number)?;
         let buffer = self.buffers.get(view.buffer.value())?;
         let start = view.byte_offset.map_or(0, |o| o.0);
         let bytes = slice(&buffer, start, view.byte_length.0)

@@ -44,7 +44,8 @@ impl<'a> Buffers<'a> {
         Ok(bytes)
     }
 
-    fn open(&mut self, uri: &str) -> Result<Rc<Vec<u8>>, String> {
+    /// The bytes behind a URI.
+    pub(super) fn open(&mut self, uri: &str) -> Result<Rc<Vec<u8>>, String> {
         if let Some(data) = uri.strip_prefix("data:") {
             let (_, text) = data.split_once(";base64,").ok_or("its data URI is not base 64")?;
             return base64::decode(text)
