@@ -163,8 +163,8 @@ struct Passes {
     /// In order, and whether each takes a thread a sample.
     pipelines: [(wgpu::ComputePipeline, bool); 5],
     layout: wgpu::BindGroupLayout,
-    fit: wgpu::Buffer,
-    measured: wgpu::Buffer,
+    /// What is uploaded and what is measured, once there was something to measure.
+    buffers: Option<[wgpu::Buffer; 2]>,
     group: BindGroupCache<(wgpu::TextureView, wgpu::Buffer, wgpu::Buffer)>,
     active: bool,
 }
@@ -195,25 +195,31 @@ impl Passes {
         .map(|(entry, samples)| {
             (gpu.compute_pipeline("sample distribution", &shader, entry, &[&layout]), samples)
         });
-        let buffer = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Ok(Self {
             settings,
             pipelines,
             layout,
-            fit: buffer("sample distribution: fit", size_of::<Fit>() as u64, uniform),
-            measured: buffer("measured samples", MEASURED, wgpu::BufferUsages::STORAGE),
+            buffers: None,
             group: BindGroupCache::default(),
             active: false,
         })
     }
+}
+
+fn buffers(gpu: &Gpu) -> [wgpu::Buffer; 2] {
+    let buffer = |label, size, usage| {
+        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    };
+    let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    [
+        buffer("sample distribution: fit", size_of::<Fit>() as u64, uniform),
+        buffer("measured samples", MEASURED, wgpu::BufferUsages::STORAGE),
+    ]
 }
 
 impl Refit for Passes {
@@ -257,7 +263,8 @@ impl Refit for Passes {
             stride: map.matrices().1 / 16,
             unused: 0,
         };
-        gpu.queue.write_buffer(&self.fit, 0, bytemuck::bytes_of(&fit));
+        let [uploaded, _] = self.buffers.get_or_insert_with(|| buffers(gpu));
+        gpu.queue.write_buffer(uploaded, 0, bytemuck::bytes_of(&fit));
         Ok(())
     }
 
@@ -269,15 +276,13 @@ impl Refit for Passes {
         resolve: &Resolve,
         recorder: &mut Recorder<'_>,
     ) {
-        if !self.active {
-            return;
-        }
+        let Some([fit, measured]) = self.buffers.as_ref().filter(|_| self.active) else { return };
         let key = (
             frame.samples.positions_view.clone(),
             resolve.views().clone(),
             map.matrices().0.clone(),
         );
-        let (layout, fit, measured) = (&self.layout, &self.fit, &self.measured);
+        let layout = &self.layout;
         let group = self.group.get(key, |(positions, views, matrices)| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("sample distribution"),
@@ -302,6 +307,6 @@ impl Refit for Passes {
     }
 
     fn bytes(&self) -> u64 {
-        self.fit.size() + self.measured.size()
+        self.buffers.iter().flatten().map(wgpu::Buffer::size).sum()
     }
 }
