@@ -663,6 +663,6 @@ fn windows_lose_nothing_between_large_coordinates() {
         let found = most(&shoot(&gpu, &stage, &overhead(), &config));
         // The floor is as far behind the one caster as the range is long, so that the least variance leaks 1e-6. What is
         // rounded off another of 0 is 20 roundings of both of its parts, 1/4 each: 6e-7.
-        assert!((1e-6..2e-6).contains(&found), "{size} texels: {found} in full shadow");
+        assert!((0.9e-6..2e-6).contains(&found), "{size} texels: {found} in full shadow");
     }
 }
