@@ -114,6 +114,17 @@ pub(crate) fn expectation(
             Bound::Moments { .. } | Bound::Layers { .. } => {
                 Expectation::Holds { bound: contact(kernel) * texel }
             }
+            Bound::Exponential { sharpness } => match exact {
+                Expectation::Holds { bound } => {
+                    // Half lit at ln 2 / c of the range behind the caster, which is sqrt 2 m deep and, in a window of
+                    // the guard band's width more, up to 4 m wide. A floor point x from the foot is x sqrt 2 behind.
+                    let range = std::f64::consts::SQRT_2 + 0.01 + 4.0 * texel;
+                    let blunt = std::f64::consts::LN_2 / sharpness * range;
+                    let lit = blunt / std::f64::consts::SQRT_2 / (2.0 / size);
+                    Expectation::Holds { bound: bound + lit }
+                }
+                _ => exact,
+            },
             _ => exact,
         },
         _ => exact,
