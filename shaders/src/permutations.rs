@@ -131,8 +131,12 @@ pub fn permutations() -> Vec<Permutation> {
     }
     all.extend(tables());
     all.extend(pyramids());
+    let replaces_shadow = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::shadow");
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
+            if replaces_shadow(&slots) && replaces_shadow(&layout_slots) {
+                continue;
+            }
             let mut slots = slots.clone();
             slots.extend(layout_slots);
             all.push(Permutation {
