@@ -47,7 +47,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 19] = [
+    const PASSES: [&str; 20] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -62,6 +62,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::eye",
         "volume::resolve",
         "volume::triangle",
+        "volume::doubtful",
         "volume::receivers",
         "volume::silhouettes",
         "map::peel",

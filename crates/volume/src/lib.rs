@@ -7,6 +7,7 @@
 mod auto;
 mod containment;
 mod count;
+mod doubtful;
 mod expectation;
 mod eye_counter;
 mod faces;
@@ -23,7 +24,7 @@ pub use auto::Auto;
 pub use containment::{Containment, Triangle};
 pub use count::Counter;
 pub use eye_counter::EyeCounter;
-pub use faces::{COUNT_IN_FRONT, Cap, OF_ONE_TRIANGLE, Side, VolumeFaces};
+pub use faces::{COUNT_IN_FRONT, Cap, Side, VolumeFaces};
 pub use light::homogeneous_light;
 pub use silhouette::Silhouette;
 pub use technique::VolumeTechnique;

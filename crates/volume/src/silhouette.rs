@@ -270,14 +270,13 @@ impl Silhouettes {
             Method::InFront => 1,
             Method::Choose => 2,
         };
-        let corners = VolumeFaces::side_corners(request.light.w == 0.0);
         let (width, height) = request.receivers.map_or((0, 0), ViewSamples::size);
         let cull = request.receivers.is_some();
         Params {
             light: request.light.to_array(),
             eye: request.eye.as_vec3().extend(1.0).to_array(),
             how: [triangles, edges, bodies, method],
-            list: [corners, request.by_ones.into(), halve.into(), cull.into()],
+            list: [VolumeFaces::VERTICES, request.by_ones.into(), halve.into(), cull.into()],
             view: [width, height, 0, 0],
         }
     }

@@ -3,7 +3,7 @@
 use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 
 use crate::VolumeFaces;
-use crate::count::{Counter, Counting, Draw};
+use crate::count::{Counter, Counting, Draw, Eye, Request};
 use crate::light::{homogeneous_light, perspective, triangles};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 
@@ -14,6 +14,17 @@ pub(crate) struct Counted {
     pub(crate) method: Method,
     pub(crate) near_caps: bool,
     pub(crate) start: Start,
+}
+
+impl Counted {
+    /// What the eye's own count is to the samples'.
+    fn eye(&self) -> Eye {
+        match self.start {
+            Start::Eye => Eye::Added,
+            Start::Zero if self.method == Method::InFront => Eye::Missing,
+            Start::Zero | Start::NearPlane => Eye::Apart,
+        }
+    }
 }
 
 /// From which number the count in front of samples starts.
@@ -40,11 +51,11 @@ pub struct VolumeTechnique {
 
 impl VolumeTechnique {
     pub(crate) fn new(gpu: &Gpu, how: Counted) -> Result<Self, GpuError> {
-        let eye = match how.start {
-            Start::Eye => {
+        let eye = match how.eye() {
+            Eye::Added | Eye::Missing => {
                 Some(TrianglePass::new(gpu, "volume/eye", "volume::eye", "count_eye", 1)?)
             }
-            Start::Zero | Start::NearPlane => None,
+            Eye::Apart => None,
         };
         Ok(Self {
             how,
@@ -80,7 +91,8 @@ impl Technique for VolumeTechnique {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
         }
         let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
-        self.counting.prepare(gpu, frame.samples, &view, light, near)
+        let request = Request { samples: frame.samples, view, light, near, eye: self.how.eye() };
+        self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
     fn encode(
@@ -100,8 +112,8 @@ impl Technique for VolumeTechnique {
         };
         self.producer.encode(gpu, recorder, &triangles, faces);
         if let Some(eye) = &mut self.eye {
-            recorder.encoder.clear_buffer(self.counting.base(), 0, None);
-            eye.encode(gpu, recorder, &triangles, &[self.counting.base()]);
+            recorder.encoder.clear_buffer(self.counting.eye_count(), 0, None);
+            eye.encode(gpu, recorder, &triangles, &[self.counting.eye_count()]);
         }
         // Under parallel light a volume narrows to a point at infinity.
         let far_caps = self.how.method != Method::InFront && frame.light.position().is_some();
@@ -112,6 +124,7 @@ impl Technique for VolumeTechnique {
             near_caps: self.how.near_caps,
             far_caps,
             cast_caps: self.how.start == Start::NearPlane,
+            eye: self.how.eye(),
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -128,6 +141,12 @@ impl Technique for VolumeTechnique {
 
     fn counters(&self) -> Counters {
         self.counters.clone()
+    }
+
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters();
+        counters.extend([("doubtful_samples", self.counting.read_doubts(gpu)?)]);
+        Ok(counters)
     }
 
     fn bytes(&self) -> u64 {

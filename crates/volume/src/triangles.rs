@@ -162,7 +162,7 @@ impl TriangleFaces {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, count.saturating_mul(3), count)?),
         };
-        faces.set_draws(gpu, 3 * count, count, light.w == 0.0);
+        faces.set_draws(gpu, 3 * count, count);
         self.0.prepare(gpu, count, light, eye, method);
         Ok(())
     }

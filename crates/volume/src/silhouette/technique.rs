@@ -6,7 +6,7 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
-use crate::count::{Counting, Draw};
+use crate::count::{Counting, Draw, Eye, Request};
 use crate::light::{homogeneous_light, perspective, triangles};
 use crate::{Counter, Method, VolumeFaces};
 
@@ -131,7 +131,8 @@ impl Technique for SilhouetteTechnique {
         };
         let edges = edges(gpu, frame)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
-        self.counting.prepare(gpu, frame.samples, &view, light, 0.0)
+        let request = Request { samples: frame.samples, view, light, near: 0.0, eye: Eye::Apart };
+        self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
     fn encode(
@@ -158,6 +159,7 @@ impl Technique for SilhouetteTechnique {
             // Under parallel light a volume narrows to a point at infinity.
             far_caps: frame.light.position().is_some(),
             cast_caps: false,
+            eye: Eye::Apart,
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -182,6 +184,7 @@ impl Technique for SilhouetteTechnique {
             ("volume_sides", sides),
             ("volume_caps", caps),
             ("casting_bodies", bodies),
+            ("doubtful_samples", self.counting.read_doubts(gpu)?),
         ]);
         Ok(counters)
     }
