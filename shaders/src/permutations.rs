@@ -47,7 +47,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 20] = [
+    const PASSES: [&str; 21] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -64,6 +64,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::triangle",
         "volume::doubtful",
         "volume::receivers",
+        "volume::cull",
         "volume::silhouettes",
         "map::peel",
         "map::between",

@@ -7,11 +7,13 @@
 mod auto;
 mod containment;
 mod count;
+mod cull;
 mod doubtful;
 mod expectation;
 mod eye_counter;
 mod faces;
 mod light;
+mod receivers;
 pub mod silhouette;
 mod technique;
 mod triangles;

@@ -4,6 +4,7 @@ use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 
 use crate::VolumeFaces;
 use crate::count::{Counter, Counting, Draw, Eye, Request};
+use crate::cull::Cull;
 use crate::light::{homogeneous_light, perspective, triangles};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 
@@ -14,6 +15,9 @@ pub(crate) struct Counted {
     pub(crate) method: Method,
     pub(crate) near_caps: bool,
     pub(crate) start: Start,
+    /// Whether volumes that contain nothing in view are left away; not for counts in front of samples alone, from
+    /// which the eye's own may not be left away.
+    pub(crate) culling: bool,
 }
 
 impl Counted {
@@ -46,6 +50,7 @@ pub struct VolumeTechnique {
     faces: Option<VolumeFaces>,
     counting: Counting,
     eye: Option<TrianglePass>,
+    cull: Option<Cull>,
     counters: Counters,
 }
 
@@ -60,6 +65,7 @@ impl VolumeTechnique {
         Ok(Self {
             how,
             eye,
+            cull: if how.culling { Some(Cull::new(gpu)?) } else { None },
             producer: TriangleFaces::new(gpu)?,
             faces: None,
             counting: Counting::new(gpu, how.counter)?,
@@ -87,6 +93,9 @@ impl Technique for VolumeTechnique {
         let light = homogeneous_light(frame);
         let method = self.how.method;
         self.producer.prepare(gpu, &triangles, light, view.camera.eye, method, &mut self.faces)?;
+        if let Some(cull) = &mut self.cull {
+            cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
+        }
         if let Some(eye) = &mut self.eye {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
         }
@@ -111,6 +120,9 @@ impl Technique for VolumeTechnique {
             });
         };
         self.producer.encode(gpu, recorder, &triangles, faces);
+        if let Some(cull) = &mut self.cull {
+            cull.encode(gpu, recorder, &triangles, faces);
+        }
         if let Some(eye) = &mut self.eye {
             recorder.encoder.clear_buffer(self.counting.eye_count(), 0, None);
             eye.encode(gpu, recorder, &triangles, &[self.counting.eye_count()]);
@@ -146,10 +158,14 @@ impl Technique for VolumeTechnique {
     fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
         let mut counters = self.counters();
         counters.extend([("doubtful_samples", self.counting.read_doubts(gpu)?)]);
+        if let Some(cull) = &self.cull {
+            counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
+        }
         Ok(counters)
     }
 
     fn bytes(&self) -> u64 {
-        self.counting.bytes() + self.faces.as_ref().map_or(0, VolumeFaces::bytes)
+        let faces = self.faces.as_ref().map_or(0, VolumeFaces::bytes);
+        self.counting.bytes() + faces + self.cull.as_ref().map_or(0, Cull::bytes)
     }
 }

@@ -80,9 +80,7 @@ fn counting_is_exact_on_generated_scenes() {
                 configs.extend([("auto", &auto as &dyn TechniqueConfig), ("zp-plus", &zp_plus)]);
             }
             for (technique, config) in configs {
-                let start = std::time::Instant::now();
                 let score = shoot(&gpu, &stage, &light, config);
-                println!("{name}, {kind:?}, {technique}: {score:?} {:?}", start.elapsed());
                 assert!(score.counted > 1000, "{name}, {kind:?}: {score:?}");
                 if score.wrong > 0 {
                     faults.push(format!("{name}, {kind:?}, {technique}: {score:?}"));
@@ -115,11 +113,39 @@ fn the_stencil_counts_as_the_wide_counter_does() {
         for kind in LIGHTS {
             let light = scene.light_or_placed(kind);
             let [wide, stencil] = [Counter::Wide, Counter::Stencil].map(|counter| {
-                let mut technique = ZFail { counter }.technique(&gpu).expect("a technique");
+                let mut technique =
+                    ZFail { counter, ..ZFail::default() }.technique(&gpu).expect("a technique");
                 stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility
             });
             assert!(wide == stencil, "{name}, {kind:?}");
             assert!(wide.contains(&0.0) && wide.contains(&1.0), "{name}, {kind:?}: no shadow");
+        }
+    }
+}
+
+#[test]
+fn volumes_of_nothing_in_view_are_left_away_and_change_nothing() {
+    let gpu = gpu();
+    // Upstairs, nothing of the thousand cubes downstairs matters.
+    for (scene, most) in [(generate::two_storeys(true), 0.05), (generate::poles(30, false), 1.0)] {
+        let stage = stage(&gpu, &scene, scene.camera_or_framing());
+        let light = scene.lights[0];
+        for method in [false, true] {
+            let [all, left] = [false, true].map(|culling| {
+                let counter = Counter::default();
+                let config: Box<dyn TechniqueConfig> = if method {
+                    Box::new(Auto { counter, culling })
+                } else {
+                    Box::new(ZFail { counter, culling })
+                };
+                let mut technique = config.build(&gpu).expect("a valid config");
+                stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot")
+            });
+            assert!(all.visibility == left.visibility, "{}: other bits", scene.name);
+            let (casting, of) = (left.counters["casting_volumes"], all.counters["volumes"]);
+            assert!(casting > 0 && casting <= of, "{}: {casting} of {of}", scene.name);
+            let share = casting as f64 / of as f64;
+            assert!(share <= most, "{}: {casting} of {of} volumes cast", scene.name);
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
 
-use antumbra_gpu::Expectation::{self, Holds, Refuses};
+use antumbra_gpu::Expectation::{self, Refuses};
 
 use super::{Meshes, Silhouette};
 
