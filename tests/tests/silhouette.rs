@@ -111,7 +111,7 @@ fn shadows_are_right_on_every_generated_scene() {
     let options = TruthOptions { ties: true, ..TruthOptions::default() };
     for (index, (name, make, _)) in generate::ALL.iter().chain(generate::CONVEX).enumerate() {
         let scene = make();
-        let stage = stage(&gpu, &scene, 96);
+        let stage = stage(&gpu, &scene, 64);
         let large = scene.triangle_count() > 10_000;
         for (turn, kind) in HARD.into_iter().enumerate() {
             // Scenes of tens of thousands of triangles take seconds: one light for each of them.

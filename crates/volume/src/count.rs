@@ -76,6 +76,8 @@ pub(crate) struct Request<'a> {
     /// w of the plane from which on faces in front of samples count, 0 for all after the eye.
     pub(crate) near: f64,
     pub(crate) eye: Eye,
+    /// Height above a sample up to which what covers it touches it, metres.
+    pub(crate) contact: f32,
 }
 
 /// What one counting pass draws.
@@ -179,18 +181,18 @@ impl Counting {
         request: &Request<'_>,
         triangles: u32,
     ) -> Result<(), GpuError> {
-        let Request { samples, view, light, near, eye } = *request;
+        let Request { samples, view, light, near, eye, contact } = *request;
         let rows = view.camera.clip.transpose();
         let row = |row: DVec4| row.truncate().as_vec3().extend(0.0).to_array();
         let uniform = ViewUniform {
             rows: [rows.x_axis, rows.y_axis, rows.w_axis].map(row),
             light: light.to_array(),
             eye: view.camera.eye.as_vec3().extend(1.0).to_array(),
-            how: [near as f32, 0.0, 0.0, 0.0],
+            how: [near as f32, contact, 0.0, 0.0],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));
-        self.doubtful.prepare(gpu, triangles, light, eye, self.counter);
+        self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact);
         if self.target.as_ref().is_none_or(|t| t.size != samples.size()) {
             self.target = Some(Target::new(gpu, samples.size(), self.counter)?);
         }

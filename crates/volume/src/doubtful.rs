@@ -58,6 +58,7 @@ impl Doubtful {
         light: Vec4,
         eye: Eye,
         counter: Counter,
+        contact: f32,
     ) {
         let mask = match counter {
             Counter::Wide => 0,
@@ -65,7 +66,7 @@ impl Doubtful {
         };
         let uniform = MakeUniform {
             light: light.to_array(),
-            eye: [0.0; 4],
+            eye: [0.0, 0.0, 0.0, contact],
             how: [triangles, mask, (eye != Eye::Apart).into(), (eye == Eye::Added).into()],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));

@@ -14,6 +14,18 @@ pub fn homogeneous_light(frame: &Frame<'_>) -> Vec4 {
     light.as_vec4()
 }
 
+/// Height above a sample, metres, up to which what covers it touches it and does not shadow it: 32u of the largest
+/// coordinate of the casters, u = 2^-24, which is 2e-6 of a scene around its origin. Samples near a crease may lie behind the
+/// face beyond it, since rasterisers draw surfaces aside; and where positions are known to some u, nothing that is
+/// nearer can be told from the surface itself. Rays of the ray-traced truth begin at this height.
+pub(crate) fn contact(frame: &Frame<'_>) -> f32 {
+    let mut extent = 0.0_f64;
+    frame.casters.hull(frame.light, &mut |p| {
+        extent = extent.max((p - frame.origin).abs().max_element());
+    });
+    (extent * 32.0 * (-24.0_f64).exp2()) as f32
+}
+
 /// The casters' triangles.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 use crate::VolumeFaces;
 use crate::count::{Counter, Counting, Draw, Eye, Request};
 use crate::cull::Cull;
-use crate::light::{homogeneous_light, perspective, triangles};
+use crate::light::{contact, homogeneous_light, perspective, triangles};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 
 /// How a [`VolumeTechnique`] counts.
@@ -100,7 +100,14 @@ impl Technique for VolumeTechnique {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
         }
         let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
-        let request = Request { samples: frame.samples, view, light, near, eye: self.how.eye() };
+        let request = Request {
+            samples: frame.samples,
+            view,
+            light,
+            near,
+            eye: self.how.eye(),
+            contact: contact(frame),
+        };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
 

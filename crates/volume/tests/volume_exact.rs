@@ -5,7 +5,7 @@ use antumbra_gpu::{Gpu, GpuOptions, TechniqueConfig};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions};
 use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
-use antumbra_volume::{Auto, Counter, EyeCounter, Silhouette, ZFail, ZpPlus};
+use antumbra_volume::{Auto, Counter, EyeCounter, Silhouette, Triangle, ZFail, ZpPlus};
 use glam::{DVec2, DVec3};
 
 fn gpu() -> Gpu {
@@ -61,13 +61,15 @@ fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, config: &dyn TechniqueConfig) 
 fn counting_is_exact_on_generated_scenes() {
     let gpu = gpu();
     let mut faults = Vec::new();
-    let silhouette = Silhouette::default();
     let (z_fail, eye_counter) = (ZFail::default(), EyeCounter::default());
+    let triangle = Triangle::default();
     let (auto, zp_plus) = (Auto::default(), ZpPlus::default());
     for (index, (name, build, _)) in generate::ALL.iter().enumerate() {
         let scene = build();
-        let stage = stage(&gpu, &scene, scene.camera_or_framing());
         let large = scene.triangle_count() > 10_000;
+        let side = if large { 64 } else { 96 };
+        let camera = scene.camera_or_framing();
+        let stage = Stage::new(&gpu, &scene, camera, side, side).expect("a stage");
         for (turn, kind) in LIGHTS.into_iter().enumerate() {
             // Scenes of tens of thousands of triangles take seconds: one light for each of them.
             if large && turn != index % 3 {
@@ -75,13 +77,17 @@ fn counting_is_exact_on_generated_scenes() {
             }
             let light = scene.light_or_placed(kind);
             let mut configs: Vec<(&str, &dyn TechniqueConfig)> =
-                vec![("silhouette", &silhouette), ("z-fail", &z_fail), ("counter", &eye_counter)];
+                vec![("z-fail", &z_fail), ("counter", &eye_counter)];
+            // The product of tiles and triangles is too much for the large ones.
+            if !large {
+                configs.push(("triangle", &triangle));
+            }
             if ["rectangle", "fence", "street"].contains(name) {
                 configs.extend([("auto", &auto as &dyn TechniqueConfig), ("zp-plus", &zp_plus)]);
             }
             for (technique, config) in configs {
                 let score = shoot(&gpu, &stage, &light, config);
-                assert!(score.counted > 1000, "{name}, {kind:?}: {score:?}");
+                assert!(score.counted > 500, "{name}, {kind:?}: {score:?}");
                 if score.wrong > 0 {
                     faults.push(format!("{name}, {kind:?}, {technique}: {score:?}"));
                 }

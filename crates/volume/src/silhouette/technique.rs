@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
 use crate::count::{Counting, Draw, Eye, Request};
-use crate::light::{homogeneous_light, perspective, triangles};
+use crate::light::{contact, homogeneous_light, perspective, triangles};
 use crate::{Counter, Method, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
@@ -131,7 +131,14 @@ impl Technique for SilhouetteTechnique {
         };
         let edges = edges(gpu, frame)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
-        let request = Request { samples: frame.samples, view, light, near: 0.0, eye: Eye::Apart };
+        let request = Request {
+            samples: frame.samples,
+            view,
+            light,
+            near: 0.0,
+            eye: Eye::Apart,
+            contact: contact(frame),
+        };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
