@@ -115,12 +115,14 @@ pub(crate) fn z_pass(counter: Counter, near_caps: bool, case: &str) -> Option<Ex
         }
         "HC-16 boundary through the eye" => boundary(),
         "HC-25 caster not seen" if !near_caps => {
-            // From 4 m above at 90 degrees one sees 8 m by 8 m of floor, of which the shadow of 2 m by 2 m is 1 / 16. Of
-            // 64 rows it takes 15 to 17, (17 / 64)^2 = 0.07; a band of 8 texels of a map of 64 leaves 1.5 m and
-            // 12 rows, (12 / 64)^2 = 0.035.
+            // From 4 m above at 90 degrees one sees 8 m by 8 m of floor, and 4 m by 4 m of it through the plate of 2 m
+            // by 2 m, half-way: the shadow, whose volume one is not seen to enter, and what is beyond it, where one is
+            // seen to leave. That is 16 / 64, and with the band of b metres to either side of the shadow's edge
+            // (16 - 16 b) / (64 - 16 b): 0.2 with the 0.25 m of a map of 64. 4 m are 32 rows of the 64, or one more or
+            // less: (31 / 64)^2 / (32 / 64)^2 = 0.94.
             KnownLimit {
-                at_least: 0.03,
-                at_most: 0.08,
+                at_least: 0.18,
+                at_most: 0.27,
                 because: "lines of sight enter the volume through the caster, which is not drawn",
             }
         }
