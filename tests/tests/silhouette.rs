@@ -6,15 +6,14 @@ use antumbra_gpu::{
 };
 use antumbra_measure::stability::CASES;
 use antumbra_measure::{MeasureError, Stage};
-use antumbra_reference::{SampleClass, TruthOptions};
+use antumbra_reference::{SampleClass, Truth, TruthOptions};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
 use antumbra_volume::silhouette::twin::{determinant, magnitude, may_shadow, weights};
 use antumbra_volume::silhouette::{Counted, Meshes, Silhouette};
-use antumbra_volume::twin::Volume;
 use antumbra_volume::{Counter, Side, homogeneous_light};
-use glam::{DAffine3, DVec2, DVec3, Vec3, Vec4};
+use glam::{DAffine3, DVec3, Vec3, Vec4};
 
 const HARD: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
 
@@ -45,61 +44,16 @@ fn techniques(gpu: &Gpu) -> Vec<(Silhouette, Box<dyn Technique>)> {
     configs().into_iter().map(|c| (c, c.build(gpu).expect("a valid config"))).collect()
 }
 
-/// Samples that count and where `visibility` is not the truth, and how many count.
-fn differing(stage: &Stage, light: &Light, visibility: &[f32]) -> (Vec<usize>, usize) {
-    let options = TruthOptions { ties: true, ..TruthOptions::default() };
-    let truth = stage.truth(light, &options);
-    let counted = |i: &usize| truth.class[*i] == SampleClass::Counted;
-    let all = (0..visibility.len()).filter(counted);
-    let differs = |i: &usize| visibility[*i] != truth.visibility[*i];
-    (all.clone().filter(differs).collect(), all.count())
-}
-
-/// Samples that are wrong, but for a few beside the shadow's edge, and how many count.
+/// How many samples that count are not as in the truth, and how many count.
 fn wrong(stage: &Stage, light: &Light, visibility: &[f32]) -> (usize, usize) {
-    let (differing, all) = differing(stage, light, visibility);
-    // Blades of grass of a pixel or two have an edge within 1/128 pixel of a few in a hundred samples.
-    assert!(differing.len() * 20 <= all, "{} of {all} beside edges are many", differing.len());
-    (differing.into_iter().filter(|i| !is_beside_an_edge(stage, light, *i)).count(), all)
+    let options = TruthOptions { ties: true, ..TruthOptions::default() };
+    wrong_against(&stage.truth(light, &options), visibility)
 }
 
-/// What is left wrong at edges that a sample's own surface shares: the sides there are not those of its triangle
-/// alone, so that the rasteriser's step beside such an edge is not left out as it is for single triangles. A known
-/// limit, at 96 to 192 samples a side below 3 in a thousand.
-fn is_too_many(wrong: usize, all: usize) -> bool {
-    all == 0 || wrong * 1000 > 3 * all
-}
-
-/// Whether the rasteriser, which snaps vertices to 1/256 pixel and with it moves the sample's surface and the faces
-/// of volumes by up to sqrt(2) / 256 pixel each across the line of sight, may explain what a sample says: where the
-/// shadow's edge is that near, or the count of some triangle's volume along a line so far aside is not what it is
-/// at the sample.
-fn is_beside_an_edge(stage: &Stage, light: &Light, i: usize) -> bool {
-    let camera = stage.frame(light).camera.expect("a camera");
-    let sample = stage.view_samples()[i];
-    let (p, n) = (sample.position.as_dvec3(), sample.normal.as_dvec3());
-    let (ndc, inverse) = (camera.clip.project_point3(p), camera.clip.inverse());
-    let step = 2.0 / f64::from(stage.image.width) * std::f64::consts::SQRT_2 / 256.0;
-    let beside =
-        |angle: f64| inverse.project_point3(ndc + (DVec2::from_angle(angle) * step).extend(0.0));
-    let across = beside(0.0).distance(p).max(beside(1.5).distance(p));
-    let cosine = n.dot((camera.eye - p).normalize()).abs();
-    let tie_distance = 2.0 * across / cosine / f64::from(stage.tracer().radius());
-    let options = TruthOptions { ties: true, tie_distance, ..TruthOptions::default() };
-    if stage.tracer().truth(light, &[sample], &options).class[0] == SampleClass::Tie {
-        return true;
-    }
-    let ways: Vec<DVec3> =
-        (0..16).map(|k| beside(f64::from(k) * std::f64::consts::PI / 8.0) - camera.eye).collect();
-    let at = homogeneous_light(&stage.frame(light)).as_dvec4();
-    stage.triangles.triangles.iter().any(|t| {
-        let corners = t.map(|v| stage.triangles.positions[v as usize].as_dvec3());
-        let Some(volume) = Volume::new(at, corners) else { return false };
-        let inside = i32::from(volume.contains(p));
-        // Its own triangle, and such as lie in its plane, do not shadow a sample.
-        let own = volume.distances(p)[3].abs() <= across / cosine;
-        !own && ways.iter().any(|way| volume.count_behind(camera.eye, *way, p) != inside)
-    })
+fn wrong_against(truth: &Truth, visibility: &[f32]) -> (usize, usize) {
+    let counted = (0..visibility.len()).filter(|i| truth.class[*i] == SampleClass::Counted);
+    let differs = |i: &usize| visibility[*i] != truth.visibility[*i];
+    (counted.clone().filter(differs).count(), counted.count())
 }
 
 /// Which side a triangle shows the light, and what is left over each edge, on every generated scene.
@@ -150,32 +104,33 @@ fn triangles_show_the_side_that_they_show_and_edges_weigh_what_they_weigh() {
 }
 
 #[test]
-#[ignore = "has not been seen to finish: the twin asks every triangle for each sample beside an edge"]
-fn shadows_are_right_on_every_generated_scene_but_for_a_few_samples_at_edges() {
+fn shadows_are_right_on_every_generated_scene() {
     let gpu = gpu();
     let mut faults = Vec::new();
     let mut techniques = techniques(&gpu);
-    for (name, make, _) in generate::ALL.iter().chain(generate::CONVEX) {
+    let options = TruthOptions { ties: true, ..TruthOptions::default() };
+    for (index, (name, make, _)) in generate::ALL.iter().chain(generate::CONVEX).enumerate() {
         let scene = make();
-        let stage = stage(&gpu, &scene, 96);
-        for kind in HARD {
+        let stage = stage(&gpu, &scene, 64);
+        let large = scene.triangle_count() > 10_000;
+        for (turn, kind) in HARD.into_iter().enumerate() {
+            // Scenes of tens of thousands of triangles take seconds: one light for each of them.
+            if large && turn != index % 3 {
+                continue;
+            }
             let light = scene.light_or_placed(kind);
-            let mut first = None;
+            let truth = stage.truth(&light, &options);
             for (config, technique) in &mut techniques {
                 let shot = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot");
-                let first = first.get_or_insert_with(|| {
-                    let (wrong, all) = wrong(&stage, &light, &shot.visibility);
-                    if is_too_many(wrong, all) {
-                        faults.push(format!("{name}, {kind:?}: {wrong} of {all} wrong"));
-                    }
-                    shot.visibility.clone()
-                });
-                let differs = |i: &usize| {
-                    first[*i] != shot.visibility[*i] && !is_beside_an_edge(&stage, &light, *i)
-                };
-                let others = (0..first.len()).filter(differs).count();
-                if is_too_many(others, first.len()) {
-                    faults.push(format!("{name}, {kind:?}, {config:?}: {others} differ"));
+                let (wrong, all) = wrong_against(&truth, &shot.visibility);
+                if wrong > 0 {
+                    faults.push(format!("{name}, {kind:?}, {config:?}: {wrong} of {all} wrong"));
+                }
+                // Asking all triangles is what samples are spared. Grass, thousands of blades whose sides all cross
+                // the lines of sight below the ground, comes nearest: one in ten.
+                let doubtful = shot.counters["doubtful_samples"];
+                if doubtful * 5 > all as u64 {
+                    faults.push(format!("{name}, {kind:?}, {config:?}: {doubtful} of {all} asked"));
                 }
             }
         }
@@ -189,9 +144,7 @@ fn a_shadow_of_another_light_is_wrong() {
     let scene = generate::unorientable();
     let stage = stage(&gpu, &scene, 96);
     let other = shoot(&gpu, &stage, &scene.lights[1], &Silhouette::default());
-    let (differing, all) = differing(&stage, &scene.lights[0], &other);
-    let beside = |i: &usize| is_beside_an_edge(&stage, &scene.lights[0], *i);
-    let noticed = differing.into_iter().filter(|i| !beside(i)).count();
+    let (noticed, all) = wrong(&stage, &scene.lights[0], &other);
     assert!(noticed * 50 > all, "{noticed} of {all} samples notice");
 }
 
@@ -519,7 +472,7 @@ fn what_shadows_nothing_in_view_is_left_away_and_changes_nothing() {
                 .map(|technique| stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot"));
             assert!(all.visibility == culled.visibility, "{}: culling changes bits", scene.name);
             let (wrong, judged) = wrong(&stage, &light, &culled.visibility);
-            assert!(!is_too_many(wrong, judged), "{}: {wrong} of {judged} wrong", scene.name);
+            assert!(wrong == 0 && judged > 0, "{}: {wrong} of {judged} wrong", scene.name);
             let (before, after) =
                 (all.counters["casting_bodies"], culled.counters["casting_bodies"]);
             assert_eq!(before, all.counters["bodies"], "{}: all cast", scene.name);

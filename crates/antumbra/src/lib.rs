@@ -235,6 +235,9 @@ techniques! {
     #[cfg(feature = "volume")]
     /// Shadow volumes counted in front of the sample or behind it, whichever is safe.
     VolumeAuto(antumbra_volume::Auto) = "volume/auto",
+    #[cfg(feature = "volume")]
+    /// Shadow volumes of whole meshes, bounded by their silhouettes.
+    VolumeSilhouette(antumbra_volume::Silhouette) = "volume/silhouette",
 }
 
 impl Config {

@@ -7,7 +7,7 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use crate::expectation;
-use crate::light::{homogeneous_light, triangles};
+use crate::light::{contact, homogeneous_light, triangles};
 use crate::triangles::MakeUniform;
 
 /// Whether any triangle's shadow volume contains the sample (Crow 1977; Fuchs et al. 1985), one plane after the other.
@@ -83,7 +83,7 @@ impl Technique for Containment {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let uniform = MakeUniform {
             light: homogeneous_light(frame).to_array(),
-            eye: [0.0; 4],
+            eye: [0.0, 0.0, 0.0, contact(frame)],
             how: [triangles(frame)?.triangles, 0, 0, 0],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));

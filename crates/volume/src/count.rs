@@ -1,13 +1,17 @@
 //! The passes that draw faces of volumes, count them at each view sample, and turn counts into visibility.
 
 use antumbra_gpu::{
-    BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind, entries,
+    BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind, read_buffer,
 };
-use glam::Vec4;
+use glam::{DVec4, Vec4};
 use serde::{Deserialize, Serialize};
 
 use crate::VolumeFaces;
+use crate::doubtful::Doubtful;
 use crate::light::Perspective;
+use pipelines::{draw_layout, faces_pipeline, resolve_layout, stencil_state};
+
+mod pipelines;
 
 /// What counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,10 +38,13 @@ pub(crate) struct Counting {
     resolve: wgpu::ComputePipeline,
     resolve_layout: wgpu::BindGroupLayout,
     view: wgpu::Buffer,
-    base: wgpu::Buffer,
+    /// The number of volumes that contain the eye, and whether rounding decides of one: see `volume/eye.wesl`.
+    eye_count: wgpu::Buffer,
+    zero: wgpu::Buffer,
+    doubtful: Doubtful,
     target: Option<Target>,
     draw_group: BindGroupCache<(Vec<wgpu::Buffer>, [wgpu::TextureView; 2])>,
-    resolve_group: BindGroupCache<(wgpu::Buffer, [wgpu::TextureView; 4])>,
+    resolve_group: BindGroupCache<([wgpu::Buffer; 2], [wgpu::TextureView; 4])>,
 }
 
 /// Counters of a view's size.
@@ -46,16 +53,31 @@ struct Target {
     size: (u32, u32),
     counts: wgpu::Buffer,
     stencil: wgpu::TextureView,
+    doubts: wgpu::Texture,
+    doubts_view: wgpu::TextureView,
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct ViewUniform {
-    clip: [[f32; 4]; 4],
+    rows: [[f32; 4]; 3],
     light: [f32; 4],
-    how: [f32; 4],
     eye: [f32; 4],
+    how: [f32; 4],
     cast: [[f32; 4]; 4],
+}
+
+/// What is counted for.
+#[derive(Clone, Copy)]
+pub(crate) struct Request<'a> {
+    pub(crate) samples: &'a ViewSamples,
+    pub(crate) view: Perspective,
+    pub(crate) light: Vec4,
+    /// w of the plane from which on faces in front of samples count, 0 for all after the eye.
+    pub(crate) near: f64,
+    pub(crate) eye: Eye,
+    /// Height above a sample up to which what covers it touches it, metres.
+    pub(crate) contact: f32,
 }
 
 /// What one counting pass draws.
@@ -68,9 +90,22 @@ pub(crate) struct Draw<'a> {
     pub(crate) far_caps: bool,
     /// Whether to start from the number of volumes at each pixel's point of the near plane.
     pub(crate) cast_caps: bool,
+    pub(crate) eye: Eye,
 }
 
-const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Stencil8;
+/// What the number of volumes that contain the eye is to the counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Eye {
+    /// Nothing.
+    Apart,
+    /// What they are short of.
+    Missing,
+    /// What they are short of, and what is added to them.
+    Added,
+}
+
+const STENCIL: wgpu::TextureFormat = wgpu::TextureFormat::Stencil8;
+const DOUBTS: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 
 impl Counting {
     /// Builds the passes.
@@ -86,9 +121,9 @@ impl Counting {
             bind_group_layouts: &[Some(&draw_layout)],
             immediate_size: 0,
         });
-        let pipeline = |vertex, [wide, stencil]: [&'static str; 2], both_add| {
+        let pipeline = |vertex, [wide, stencil]: [&'static str; 2]| {
             let fragment = if counter == Counter::Wide { wide } else { stencil };
-            let stencil = stencil_state(counter, both_add);
+            let stencil = stencil_state(counter);
             faces_pipeline(gpu, &module, &layout, stencil, vertex, fragment)
         };
         let resolve_layout = resolve_layout(gpu);
@@ -118,52 +153,90 @@ impl Counting {
         };
         Ok(Self {
             counter,
-            sides: pipeline("side", ["add_side", "keep_side"], false),
-            near_caps: pipeline("near_cap", ["add_near_cap", "keep_near_cap"], false),
-            far_caps: pipeline("far_cap", ["add_far_cap", "keep_far_cap"], false),
-            cast_caps: pipeline("cast_cap", ["add_cast_cap", "keep_far_cap"], true),
+            sides: pipeline("side", ["add_face", "keep_face"]),
+            near_caps: pipeline("near_cap", ["add_face", "keep_face"]),
+            far_caps: pipeline("far_cap", ["add_face", "keep_face"]),
+            cast_caps: pipeline("cast_cap", ["add_cast_cap", "keep_cast_cap"]),
             draw_layout,
             resolve,
             resolve_layout,
             view: buffer("volume view", size_of::<ViewUniform>(), wgpu::BufferUsages::UNIFORM),
-            base: buffer("volume base", 4, wgpu::BufferUsages::STORAGE),
+            eye_count: buffer("volumes around the eye", 8, wgpu::BufferUsages::STORAGE),
+            zero: buffer("no volumes around the eye", 8, wgpu::BufferUsages::STORAGE),
+            doubtful: Doubtful::new(gpu)?,
             target: None,
             draw_group: BindGroupCache::default(),
             resolve_group: BindGroupCache::default(),
         })
     }
 
-    /// Uploads the view and makes counters of its size. Faces are cut off at `near`, w in clip space; 0 cuts off only
-    /// what is behind the eye.
+    /// Uploads the view and makes counters of its size. Of faces in front of samples those count that are beyond
+    /// `near`, w in clip space; with 0 all after the eye.
     ///
     /// # Errors
     /// A failed allocation.
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
-        samples: &ViewSamples,
-        view: &Perspective,
-        light: Vec4,
-        near: f64,
+        request: &Request<'_>,
+        triangles: u32,
     ) -> Result<(), GpuError> {
-        let corners = VolumeFaces::side_corners(light.w == 0.0);
+        let Request { samples, view, light, near, eye, contact } = *request;
+        let rows = view.camera.clip.transpose();
+        let row = |row: DVec4| row.truncate().as_vec3().extend(0.0).to_array();
         let uniform = ViewUniform {
-            clip: view.camera.clip.as_mat4().to_cols_array_2d(),
+            rows: [rows.x_axis, rows.y_axis, rows.w_axis].map(row),
             light: light.to_array(),
-            how: [view.handedness, near as f32, corners as f32, view.aside(samples.size()) as f32],
             eye: view.camera.eye.as_vec3().extend(1.0).to_array(),
+            how: [near as f32, contact, 0.0, 0.0],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));
+        self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact);
         if self.target.as_ref().is_none_or(|t| t.size != samples.size()) {
             self.target = Some(Target::new(gpu, samples.size(), self.counter)?);
         }
         Ok(())
     }
 
-    /// The buffer with the number, one `i32`, that is added to all counts. Zero unless somebody writes it.
-    pub(crate) fn base(&self) -> &wgpu::Buffer {
-        &self.base
+    /// The buffer for the number of volumes that contain the eye, two `i32`. Zero unless somebody writes it.
+    pub(crate) fn eye_count(&self) -> &wgpu::Buffer {
+        &self.eye_count
+    }
+
+    /// How many samples of the last submitted frame were in doubt, so that all triangles were asked. Waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub(crate) fn read_doubts(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+        let Some(target) = &self.target else { return Ok(0) };
+        let (width, height) = target.size;
+        // Rows in buffers begin at multiples of 256 bytes.
+        let row = width.next_multiple_of(256);
+        let size = u64::from(row) * u64::from(height);
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("volume doubts"),
+            size,
+            usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            target.doubts.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: None,
+                },
+            },
+            target.doubts.size(),
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let bytes = read_buffer(gpu, &buffer, size)?;
+        let rows = bytes.chunks(row as usize).map(|row| &row[..width as usize]);
+        Ok(rows.flatten().filter(|doubt| **doubt != 0).count() as u64)
     }
 
     /// The counters, where they are wide, once prepared: one `i32` a sample, row by row.
@@ -215,7 +288,7 @@ impl Counting {
                 ],
             })
         });
-        let attachment = wgpu::RenderPassDepthStencilAttachment {
+        let stencil = wgpu::RenderPassDepthStencilAttachment {
             view: &target.stencil,
             depth_ops: None,
             stencil_ops: Some(wgpu::Operations {
@@ -226,7 +299,16 @@ impl Counting {
                 },
             }),
         };
-        let mut pass = recorder.render_pass("volume/count", &[], Some(attachment));
+        let doubts = wgpu::RenderPassColorAttachment {
+            view: &target.doubts_view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        };
+        let mut pass = recorder.render_pass("volume/count", &[Some(doubts)], Some(stencil));
         pass.set_bind_group(0, group, &[]);
         let draws = &draw.faces.draws;
         if draw.cast_caps {
@@ -246,9 +328,11 @@ impl Counting {
         drop(pass);
         let [positions, normals] = [&samples.positions_view, &samples.normals_view];
         let textures = [positions, normals, &target.stencil, visibility].map(Clone::clone);
-        let key = (target.counts.clone(), textures);
-        let group =
-            self.resolve_group.get(key, |(counts, [positions, normals, stencil, output])| {
+        let base = if draw.eye == Eye::Added { &self.eye_count } else { &self.zero };
+        let key = ([&target.counts, base].map(Clone::clone), textures);
+        let group = self.resolve_group.get(
+            key,
+            |([counts, base], [positions, normals, stencil, output])| {
                 gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                     label: Some("volume resolve"),
                     layout: &self.resolve_layout,
@@ -257,24 +341,29 @@ impl Counting {
                         bind::texture(1, positions),
                         bind::texture(2, normals),
                         bind::buffer(3, counts),
-                        bind::buffer(4, &self.base),
+                        bind::buffer(4, base),
                         bind::texture(5, stencil),
                         bind::texture(6, output),
                     ],
                 })
-            });
+            },
+        );
         let (width, height) = target.size;
         let mut pass = recorder.compute_pass("volume/resolve");
         pass.set_pipeline(&self.resolve);
         pass.set_bind_group(0, group, &[]);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        drop(pass);
+        let buffers = [&target.counts, &self.eye_count];
+        let views = [&target.doubts_view, visibility];
+        self.doubtful.encode(gpu, recorder, &draw.triangles, samples, buffers, views);
         Ok(())
     }
 
     /// Bytes of the counters.
     pub(crate) fn bytes(&self) -> u64 {
         let texels = |t: &Target| u64::from(t.size.0) * u64::from(t.size.1);
-        self.target.as_ref().map_or(0, |t| t.counts.size() + texels(t))
+        self.target.as_ref().map_or(0, |t| t.counts.size() + 2 * texels(t))
     }
 }
 
@@ -290,112 +379,31 @@ impl Target {
                 | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        // A render pass needs an attachment of the view's size also where buffers count.
-        let stencil = gpu.create_texture(
-            "volume stencil",
-            &wgpu::TextureDescriptor {
-                label: Some("volume stencil"),
-                size: wgpu::Extent3d { width: size.0, height: size.1, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            },
-        )?;
-        Ok(Self { size, counts, stencil: stencil.create_view(&Default::default()) })
+        let texture = |label, format, usage| {
+            gpu.create_texture(
+                label,
+                &wgpu::TextureDescriptor {
+                    label: Some(label),
+                    size: wgpu::Extent3d {
+                        width: size.0,
+                        height: size.1,
+                        depth_or_array_layers: 1,
+                    },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format,
+                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                        | wgpu::TextureUsages::TEXTURE_BINDING
+                        | usage,
+                    view_formats: &[],
+                },
+            )
+        };
+        let stencil = texture("volume stencil", STENCIL, wgpu::TextureUsages::empty())?;
+        let doubts = texture("volume doubts", DOUBTS, wgpu::TextureUsages::COPY_SRC)?;
+        let [stencil, doubts_view] =
+            [&stencil, &doubts].map(|t| t.create_view(&Default::default()));
+        Ok(Self { size, counts, stencil, doubts, doubts_view })
     }
-}
-
-fn draw_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    const VS: wgpu::ShaderStages = wgpu::ShaderStages::VERTEX;
-    const FS: wgpu::ShaderStages = wgpu::ShaderStages::FRAGMENT;
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("volume count"),
-        entries: &[
-            entries::uniform(0, VS | FS),
-            entries::storage(1, VS),
-            entries::storage(2, VS),
-            entries::storage(3, VS),
-            entries::storage(4, VS),
-            entries::texels(5, FS, false),
-            entries::texels(6, FS, false),
-            entries::write_storage(7, FS),
-        ],
-    })
-}
-
-fn resolve_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("volume resolve"),
-        entries: &[
-            entries::uniform(0, CS),
-            entries::texels(1, CS, false),
-            entries::texels(2, CS, false),
-            entries::storage(3, CS),
-            entries::storage(4, CS),
-            entries::integers(5, CS),
-            entries::write_texture(6, CS, wgpu::TextureFormat::R32Float),
-        ],
-    })
-}
-
-/// What a face does to the stencil: see `reversed` in the shader.
-fn stencil_state(counter: Counter, both_add: bool) -> wgpu::StencilState {
-    use wgpu::StencilOperation::{DecrementWrap, IncrementWrap};
-    if counter == Counter::Wide {
-        return wgpu::StencilState::default();
-    }
-    // Wrapping, so that the order does not matter.
-    let step = |pass_op| wgpu::StencilFaceState {
-        compare: wgpu::CompareFunction::Always,
-        pass_op,
-        ..wgpu::StencilFaceState::IGNORE
-    };
-    wgpu::StencilState {
-        front: step(if both_add { IncrementWrap } else { DecrementWrap }),
-        back: step(IncrementWrap),
-        read_mask: 0xff,
-        write_mask: 0xff,
-    }
-}
-
-fn faces_pipeline(
-    gpu: &Gpu,
-    module: &wgpu::ShaderModule,
-    layout: &wgpu::PipelineLayout,
-    stencil: wgpu::StencilState,
-    vertex: &'static str,
-    fragment: &'static str,
-) -> wgpu::RenderPipeline {
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(vertex),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(vertex),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: FORMAT,
-            depth_write_enabled: None,
-            depth_compare: None,
-            stencil,
-            bias: Default::default(),
-        }),
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(fragment),
-            compilation_options: Default::default(),
-            targets: &[],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }

@@ -28,6 +28,7 @@ impl EyeCounter {
             method: Method::InFront,
             near_caps: true,
             start: Start::Eye,
+            culling: false,
         };
         VolumeTechnique::new(gpu, how)
     }

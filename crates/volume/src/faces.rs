@@ -18,10 +18,8 @@ pub struct Side {
     /// none. A lone triangle has +1 over each edge that it passes from `b` to `a` where the light sees its
     /// corners run counter-clockwise, and -1 where clockwise; over shared edges these add up.
     pub k: i32,
-    /// [`COUNT_IN_FRONT`] and [`OF_ONE_TRIANGLE`], or 0.
+    /// [`COUNT_IN_FRONT`], or 0.
     pub flags: u32,
-    /// With [`OF_ONE_TRIANGLE`], the index of that triangle.
-    pub triangle: u32,
 }
 
 /// A triangle that closes a volume at both ends. The twin of `Cap` in `volume/geometry.wesl`.
@@ -41,11 +39,6 @@ pub struct Cap {
 /// far cap.
 pub const COUNT_IN_FRONT: u32 = 1;
 
-/// Flag: the face bounds the volume of one triangle, and shares it with no other. All faces of such a volume have the
-/// flag; a sample in the triangle's plane within rounding then ignores all of them. Faces without it must close
-/// volumes as a whole: for them a sample in a near cap's plane lies on the light's side of it.
-pub const OF_ONE_TRIANGLE: u32 = 2;
-
 /// Room for faces, and the indirect draws over them.
 ///
 /// A producer fills the lists and the records in compute or by upload, from the front; what lies beyond the
@@ -57,7 +50,7 @@ pub struct VolumeFaces {
     /// `array<Cap>`, usage `STORAGE`.
     pub caps: wgpu::Buffer,
     /// Two draw records of four `u32` each (vertices, 1, 0, 0), usage `INDIRECT` and `STORAGE`: sides, then
-    /// caps. The vertices of a side are [`VolumeFaces::side_corners`], those of a cap 3.
+    /// caps, with [`VolumeFaces::VERTICES`] a face.
     pub draws: wgpu::Buffer,
     /// Sides that there is room for.
     pub side_room: u32,
@@ -69,12 +62,8 @@ impl VolumeFaces {
     /// Offset of the record that draws caps, bytes.
     pub const CAP_DRAW: u64 = 16;
 
-    /// Vertices a side: two triangles, or one under parallel light, where both ends are extended to the same
-    /// point at infinity.
-    #[must_use]
-    pub fn side_corners(parallel: bool) -> u32 {
-        if parallel { 3 } else { 6 }
-    }
+    /// Vertices a face: those of two triangles, which make a rectangle around it in the picture.
+    pub const VERTICES: u32 = 6;
 
     /// Room for `sides` sides and `caps` caps.
     ///
@@ -123,9 +112,9 @@ impl VolumeFaces {
     }
 
     /// Uploads the draw records, where their counts are known on the CPU.
-    pub fn set_draws(&self, gpu: &Gpu, sides: u32, caps: u32, parallel: bool) {
-        let corners = Self::side_corners(parallel);
-        let records: [u32; 8] = [corners * sides, 1, 0, 0, 3 * caps, 1, 0, 0];
+    pub fn set_draws(&self, gpu: &Gpu, sides: u32, caps: u32) {
+        let [sides, caps] = [sides, caps].map(|count| Self::VERTICES * count);
+        let records: [u32; 8] = [sides, 1, 0, 0, caps, 1, 0, 0];
         gpu.queue.write_buffer(&self.draws, 0, bytemuck::cast_slice(&records));
     }
 

@@ -1,6 +1,6 @@
 //! The frame as shadow volumes take it: a homogeneous light, a camera, triangles.
 
-use antumbra_gpu::{CasterTriangles, Frame, GpuError, SUBPIXEL_STEP, ViewCamera, check_light};
+use antumbra_gpu::{CasterTriangles, Frame, GpuError, ViewCamera, check_light};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec4};
 
 /// The light as a homogeneous point relative to the frame's origin: (position, 1), or (unit direction towards it, 0).
@@ -12,6 +12,18 @@ pub fn homogeneous_light(frame: &Frame<'_>) -> Vec4 {
         None => frame.light.towards(DVec3::ZERO, DVec2::splat(0.5)).extend(0.0),
     };
     light.as_vec4()
+}
+
+/// Height above a sample, metres, up to which what covers it touches it and does not shadow it: 32u of the largest
+/// coordinate of the casters, u = 2^-24, which is 2e-6 of a scene around its origin. Samples near a crease may lie behind the
+/// face beyond it, since rasterisers draw surfaces aside; and where positions are known to some u, nothing that is
+/// nearer can be told from the surface itself. Rays of the ray-traced truth begin at this height.
+pub(crate) fn contact(frame: &Frame<'_>) -> f32 {
+    let mut extent = 0.0_f64;
+    frame.casters.hull(frame.light, &mut |p| {
+        extent = extent.max((p - frame.origin).abs().max_element());
+    });
+    (extent * 32.0 * (-24.0_f64).exp2()) as f32
 }
 
 /// The casters' triangles.
@@ -32,23 +44,11 @@ pub(crate) fn triangles<'a>(frame: &Frame<'a>) -> Result<CasterTriangles<'a>, Gp
 pub(crate) struct Perspective {
     /// The camera.
     pub(crate) camera: ViewCamera,
-    /// 1, or -1 where the picture is a mirror image.
-    pub(crate) handedness: f32,
     /// w of the near plane.
     pub(crate) near: f64,
 }
 
 impl Perspective {
-    /// By how much the rasteriser may draw an edge aside, metres a metre of w: half of the diagonal of a step of 1/256
-    /// pixel where it rounds vertices, all of it where it truncates them. The latter is taken.
-    pub(crate) fn aside(&self, size: (u32, u32)) -> f64 {
-        let rows = self.camera.clip.transpose();
-        // w metres off, a pixel is 2 w / (pixels |row|) wide.
-        let pixel = |row: DVec4, pixels: u32| 2.0 / (f64::from(pixels) * row.truncate().length());
-        let [x, y] = [pixel(rows.x_axis, size.0), pixel(rows.y_axis, size.1)];
-        x.hypot(y) * f64::from(SUBPIXEL_STEP)
-    }
-
     /// Points to clip space by way of the camera's near plane, onto which the light casts them: the first stage of
     /// ZP+ (Hornus, Hoberock, Lefebvre and Hart 2005), in homogeneous form for both kinds of light.
     ///
@@ -80,17 +80,17 @@ pub(crate) fn perspective(frame: &Frame<'_>) -> Result<Perspective, GpuError> {
     let without_camera = "give the frame its camera, or use `volume/triangle`, which needs none";
     let camera = frame.camera.ok_or_else(|| invalid("none".to_owned(), without_camera))?;
     let rows = camera.clip.transpose();
-    // The corners of a triangle run counter-clockwise in the picture if det (h0, h1, h2) of h = (x, y, w) is
-    // positive. With the eye at e, h = A (p - e): the sign is that of det A times det (p0 - e, p1 - e, p2 - e), which is
-    // negative where they run counter-clockwise as seen from e.
-    let [x, y, w] = [rows.x_axis, rows.y_axis, rows.w_axis];
-    let det = DMat3::from_cols(x.truncate(), y.truncate(), w.truncate()).determinant();
-    // An orthographic camera has no perspective row; far caps are then no faces but points of view at infinity.
-    if !(det.is_finite() && det != 0.0 && w.truncate() != DVec3::ZERO) {
-        let fix = "use a perspective camera, or `volume/triangle`, which needs none";
+    let [x, y, w] = [rows.x_axis, rows.y_axis, rows.w_axis].map(DVec4::truncate);
+    let fix = "use a perspective camera, or `volume/triangle`, which needs none";
+    // Lines of sight that are parallel have no eye, and w = 1 all over the picture.
+    if w == DVec3::ZERO {
+        return Err(invalid("orthographic".to_owned(), fix));
+    }
+    let det = DMat3::from_cols(x, y, w).determinant();
+    if !(det.is_finite() && det != 0.0 && camera.eye.is_finite()) {
         return Err(invalid(format!("{}", camera.clip), fix));
     }
-    Ok(Perspective { camera, handedness: if det < 0.0 { 1.0 } else { -1.0 }, near: near(&camera) })
+    Ok(Perspective { camera, near: near(&camera) })
 }
 
 /// w of the plane of depth 0 or 1 that is nearer to the eye, in the middle of the picture.

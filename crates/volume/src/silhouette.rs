@@ -7,7 +7,6 @@
 //! list; the list, and the sizes of the draws that follow.
 
 mod expectation;
-mod receivers;
 mod technique;
 pub mod twin;
 
@@ -18,8 +17,8 @@ use antumbra_gpu::{
 use glam::{DVec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+use crate::receivers::{Receivers, storage};
 use crate::{Method, VolumeFaces};
-use receivers::Receivers;
 
 pub use technique::{Counted, Silhouette, SilhouetteTechnique};
 
@@ -119,22 +118,6 @@ impl Work {
         let Self { casters, weights, side_places, cap_places, showing, .. } = self;
         [casters, weights, side_places, cap_places, showing].iter().map(|b| b.size()).sum()
     }
-}
-
-/// Room for `size` bytes, or for one element of any kind where that is nothing.
-fn storage(gpu: &Gpu, label: &str, size: u64) -> Result<wgpu::Buffer, GpuError> {
-    let size = size.max(32);
-    let limits = gpu.device.limits();
-    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    if size > limit {
-        return Err(GpuError::Limit { what: "bytes of silhouettes", asked: size, limit });
-    }
-    Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    }))
 }
 
 /// Threads of a workgroup of the passes, but of that over bodies.
@@ -270,14 +253,13 @@ impl Silhouettes {
             Method::InFront => 1,
             Method::Choose => 2,
         };
-        let corners = VolumeFaces::side_corners(request.light.w == 0.0);
         let (width, height) = request.receivers.map_or((0, 0), ViewSamples::size);
         let cull = request.receivers.is_some();
         Params {
             light: request.light.to_array(),
             eye: request.eye.as_vec3().extend(1.0).to_array(),
             how: [triangles, edges, bodies, method],
-            list: [corners, request.by_ones.into(), halve.into(), cull.into()],
+            list: [VolumeFaces::VERTICES, request.by_ones.into(), halve.into(), cull.into()],
             view: [width, height, 0, 0],
         }
     }

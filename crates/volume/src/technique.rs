@@ -3,8 +3,9 @@
 use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 
 use crate::VolumeFaces;
-use crate::count::{Counter, Counting, Draw};
-use crate::light::{homogeneous_light, perspective, triangles};
+use crate::count::{Counter, Counting, Draw, Eye, Request};
+use crate::cull::Cull;
+use crate::light::{contact, homogeneous_light, perspective, triangles};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 
 /// How a [`VolumeTechnique`] counts.
@@ -14,6 +15,20 @@ pub(crate) struct Counted {
     pub(crate) method: Method,
     pub(crate) near_caps: bool,
     pub(crate) start: Start,
+    /// Whether volumes that contain nothing in view are left away; not for counts in front of samples alone, from
+    /// which the eye's own may not be left away.
+    pub(crate) culling: bool,
+}
+
+impl Counted {
+    /// What the eye's own count is to the samples'.
+    fn eye(&self) -> Eye {
+        match self.start {
+            Start::Eye => Eye::Added,
+            Start::Zero if self.method == Method::InFront => Eye::Missing,
+            Start::Zero | Start::NearPlane => Eye::Apart,
+        }
+    }
 }
 
 /// From which number the count in front of samples starts.
@@ -35,20 +50,22 @@ pub struct VolumeTechnique {
     faces: Option<VolumeFaces>,
     counting: Counting,
     eye: Option<TrianglePass>,
+    cull: Option<Cull>,
     counters: Counters,
 }
 
 impl VolumeTechnique {
     pub(crate) fn new(gpu: &Gpu, how: Counted) -> Result<Self, GpuError> {
-        let eye = match how.start {
-            Start::Eye => {
+        let eye = match how.eye() {
+            Eye::Added | Eye::Missing => {
                 Some(TrianglePass::new(gpu, "volume/eye", "volume::eye", "count_eye", 1)?)
             }
-            Start::Zero | Start::NearPlane => None,
+            Eye::Apart => None,
         };
         Ok(Self {
             how,
             eye,
+            cull: if how.culling { Some(Cull::new(gpu)?) } else { None },
             producer: TriangleFaces::new(gpu)?,
             faces: None,
             counting: Counting::new(gpu, how.counter)?,
@@ -76,11 +93,22 @@ impl Technique for VolumeTechnique {
         let light = homogeneous_light(frame);
         let method = self.how.method;
         self.producer.prepare(gpu, &triangles, light, view.camera.eye, method, &mut self.faces)?;
+        if let Some(cull) = &mut self.cull {
+            cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
+        }
         if let Some(eye) = &mut self.eye {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
         }
         let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
-        self.counting.prepare(gpu, frame.samples, &view, light, near)
+        let request = Request {
+            samples: frame.samples,
+            view,
+            light,
+            near,
+            eye: self.how.eye(),
+            contact: contact(frame),
+        };
+        self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
     fn encode(
@@ -99,9 +127,12 @@ impl Technique for VolumeTechnique {
             });
         };
         self.producer.encode(gpu, recorder, &triangles, faces);
+        if let Some(cull) = &mut self.cull {
+            cull.encode(gpu, recorder, &triangles, faces);
+        }
         if let Some(eye) = &mut self.eye {
-            recorder.encoder.clear_buffer(self.counting.base(), 0, None);
-            eye.encode(gpu, recorder, &triangles, &[self.counting.base()]);
+            recorder.encoder.clear_buffer(self.counting.eye_count(), 0, None);
+            eye.encode(gpu, recorder, &triangles, &[self.counting.eye_count()]);
         }
         // Under parallel light a volume narrows to a point at infinity.
         let far_caps = self.how.method != Method::InFront && frame.light.position().is_some();
@@ -112,6 +143,7 @@ impl Technique for VolumeTechnique {
             near_caps: self.how.near_caps,
             far_caps,
             cast_caps: self.how.start == Start::NearPlane,
+            eye: self.how.eye(),
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -130,7 +162,17 @@ impl Technique for VolumeTechnique {
         self.counters.clone()
     }
 
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters();
+        counters.extend([("doubtful_samples", self.counting.read_doubts(gpu)?)]);
+        if let Some(cull) = &self.cull {
+            counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
+        }
+        Ok(counters)
+    }
+
     fn bytes(&self) -> u64 {
-        self.counting.bytes() + self.faces.as_ref().map_or(0, VolumeFaces::bytes)
+        let faces = self.faces.as_ref().map_or(0, VolumeFaces::bytes);
+        self.counting.bytes() + faces + self.cull.as_ref().map_or(0, Cull::bytes)
     }
 }

@@ -39,6 +39,13 @@ pub(crate) struct MakeUniform {
 /// Invocations of a workgroup.
 const GROUP: u32 = 64;
 
+/// Workgroups of 64 invocations for one a triangle, and invocations a row of them.
+pub(crate) fn dispatch(gpu: &Gpu, triangles: u32) -> ([u32; 2], u32) {
+    let groups = triangles.div_ceil(GROUP);
+    let across = groups.min(gpu.device.limits().max_compute_workgroups_per_dimension);
+    ([across, if across == 0 { 0 } else { groups.div_ceil(across) }], across * GROUP)
+}
+
 impl TrianglePass {
     /// Links the module at `root`, whose entry point reads the triangles and writes `outputs` buffers.
     pub(crate) fn new(
@@ -87,9 +94,8 @@ impl TrianglePass {
         eye: DVec3,
         method: Method,
     ) {
-        let groups = triangles.div_ceil(GROUP);
-        let across = groups.min(gpu.device.limits().max_compute_workgroups_per_dimension);
-        self.dispatch = [across, if across == 0 { 0 } else { groups.div_ceil(across) }];
+        let row;
+        (self.dispatch, row) = dispatch(gpu, triangles);
         let method = match method {
             Method::Behind => 0,
             Method::InFront => 1,
@@ -98,7 +104,7 @@ impl TrianglePass {
         let uniform = MakeUniform {
             light: light.to_array(),
             eye: eye.as_vec3().extend(1.0).to_array(),
-            how: [triangles, method, across * GROUP, 0],
+            how: [triangles, method, row, 0],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
@@ -162,7 +168,7 @@ impl TriangleFaces {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, count.saturating_mul(3), count)?),
         };
-        faces.set_draws(gpu, 3 * count, count, light.w == 0.0);
+        faces.set_draws(gpu, 3 * count, count);
         self.0.prepare(gpu, count, light, eye, method);
         Ok(())
     }

@@ -31,6 +31,7 @@ impl ZPass {
             method: Method::InFront,
             near_caps: self.near_caps,
             start: Start::Zero,
+            culling: false,
         };
         VolumeTechnique::new(gpu, how)
     }

@@ -29,6 +29,7 @@ impl ZpPlus {
             method: Method::InFront,
             near_caps: true,
             start: Start::NearPlane,
+            culling: false,
         };
         VolumeTechnique::new(gpu, how)
     }

@@ -1,15 +1,17 @@
 //! The counts themselves: that of each sample is the number of volumes that contain it, from wherever it is seen.
 
-use antumbra_gpu::{Gpu, GpuError, GpuOptions, Technique, TechniqueConfig, read_buffer};
+use antumbra_gpu::{
+    Gpu, GpuError, GpuOptions, Technique, TechniqueConfig, ViewCamera, read_buffer,
+};
 use antumbra_measure::{MeasureError, Stage};
 use antumbra_reference::ViewSample;
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_volume::{
-    Auto, Counter, EyeCounter, Triangle, VolumeTechnique, ZFail, ZPass, ZpPlus, homogeneous_light,
-    twin,
+    Auto, Counter, EyeCounter, Silhouette, Triangle, VolumeTechnique, ZFail, ZPass, ZpPlus,
+    homogeneous_light, twin,
 };
-use glam::{DAffine3, DVec3, DVec4, Vec3};
+use glam::{DAffine3, DMat4, DVec3, DVec4, Vec3};
 
 fn gpu() -> Gpu {
     Gpu::new(&GpuOptions::default()).unwrap_or_else(|e| panic!("{e}"))
@@ -156,7 +158,8 @@ fn the_wide_counter_goes_on_where_the_stencil_starts_anew() {
                 && (p.x - p.z).abs() > 0.01
                 && (p.x + p.z).abs() > 0.01
         };
-        let mut stencil = ZFail { counter: Counter::Stencil }.technique(&gpu).expect("built");
+        let mut stencil =
+            ZFail { counter: Counter::Stencil, ..ZFail::default() }.technique(&gpu).expect("built");
         let shot = stage.shoot(&gpu, &light, &mut stencil, 0).expect("a shot");
         let dark: Vec<usize> = (0..found.len())
             .filter(|&i| stage.image.normals[i] != Vec3::ZERO && under(stage.image.positions[i]))
@@ -176,14 +179,15 @@ fn what_a_technique_cannot_serve_it_refuses_with_a_remedy() {
     let light = scene.light_or_placed(LightKind::Point);
     let sample = ViewSample { position: Vec3::new(0.2, 0.0, 1.0), normal: Vec3::Y };
     let stage = Stage::at_points(&gpu, &scene, &[sample]).expect("a stage");
-    let configs: [&dyn TechniqueConfig; 5] = [
+    let configs: [&dyn TechniqueConfig; 6] = [
         &ZFail::default(),
+        &Silhouette::default(),
         &ZPass::default(),
         &EyeCounter::default(),
         &ZpPlus::default(),
         &Auto::default(),
     ];
-    for config in configs {
+    for config in configs.iter() {
         let mut technique = config.build(&gpu).expect("built");
         let error = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no camera");
         assert!(
@@ -191,6 +195,27 @@ fn what_a_technique_cannot_serve_it_refuses_with_a_remedy() {
             "{error}"
         );
         assert!(error.to_string().contains("volume/triangle"), "{error}");
+    }
+    // Parallel lines of sight, straight down.
+    let clip = DMat4::from_rows(
+        DVec4::new(0.5, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, 0.0, -0.5, 0.0),
+        DVec4::new(0.0, -0.05, 0.0, 0.25),
+        DVec4::W,
+    );
+    let view = ViewCamera { clip, eye: DVec3::new(0.3, 5.0, 0.2) };
+    let parallel = Stage::seen_by(&gpu, &scene, &view, 16, 16).expect("a stage");
+    for config in [&ZFail::default() as &dyn TechniqueConfig, &Silhouette::default()] {
+        let mut technique = config.build(&gpu).expect("built");
+        let error = parallel.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no eye");
+        let text = error.to_string();
+        assert!(text.contains("orthographic") && text.contains("volume/triangle"), "{text}");
+    }
+    let wide = Light::Spot { position: 4.0 * DVec3::Y, direction: DVec3::NEG_Y, outer_angle: 1.8 };
+    for config in configs.iter().chain(&[&Triangle::default() as &dyn TechniqueConfig]) {
+        let mut technique = config.build(&gpu).expect("built");
+        let error = stage.shoot(&gpu, &wide, technique.as_mut(), 0).expect_err("no cone");
+        assert!(error.to_string().contains("point light"), "{error}");
     }
     let mut asked = Triangle::default().build(&gpu).expect("built");
     stage.shoot(&gpu, &light, asked.as_mut(), 0).expect("needs no camera");

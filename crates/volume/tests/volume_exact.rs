@@ -1,17 +1,11 @@
-//! Shadow volumes against ray-traced truth, sample by sample.
-//!
-//! Rasterisers snap vertices to 1/256 pixel, so that the edges of a volume are drawn up to eta = sqrt(2) / 256 pixel aside,
-//! and a line of sight is taken past an edge on the wrong side. Mostly nothing comes of it: faces that meet at an edge
-//! move together. A wrong sample is excused if, for some volume, the f64 twin of the count goes wrong as well when the line
-//! is drawn up to eta aside.
+//! Shadow volumes against ray-traced truth, sample by sample: none may be wrong that is not within the truth's own
+//! tolerance of a shadow's edge.
 
 use antumbra_gpu::{Gpu, GpuOptions, TechniqueConfig};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions};
 use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
-use antumbra_volume::{
-    Auto, Counter, EyeCounter, Triangle, ZFail, ZpPlus, homogeneous_light, twin,
-};
+use antumbra_volume::{Auto, Counter, EyeCounter, Silhouette, Triangle, ZFail, ZpPlus};
 use glam::{DVec2, DVec3};
 
 fn gpu() -> Gpu {
@@ -37,41 +31,6 @@ struct Score {
     dark: usize,
     /// Those of them that are wrong.
     wrong: usize,
-    /// Those of the wrong ones that snapping does not explain.
-    unexplained: usize,
-}
-
-/// Whether the count of some triangle's volume for sample `i` depends on where the line of sight is drawn.
-fn depends_on_snapping(stage: &Stage, light: &Light, i: usize) -> bool {
-    let frame = stage.frame(light);
-    let camera = frame.camera.expect("a camera");
-    let (p, n) = (stage.image.positions[i].as_dvec3(), stage.image.normals[i].as_dvec3());
-    let ndc = camera.clip.project_point3(p);
-    let inverse = camera.clip.inverse();
-    let eta = std::f64::consts::SQRT_2 / 256.0;
-    let beside = |angle: f64, aside: f64| {
-        let step = DVec2::from_angle(angle) * (2.0 / f64::from(VIEW) * aside);
-        inverse.project_point3(ndc + step.extend(0.0))
-    };
-    // Triangles in whose plane the sample lies are left out.
-    let cosine = n.dot((camera.eye - p).normalize()).abs().max(1.0 / 16.0);
-    let off = 1.01 * beside(0.25 * std::f64::consts::PI, eta).distance(p) / cosine;
-    let ways: Vec<DVec3> = (0..64)
-        .map(|k| (f64::from(k % 16) * std::f64::consts::PI / 8.0, f64::from(k / 16 + 1) / 4.0))
-        .map(|(angle, part)| beside(angle, part * eta) - camera.eye)
-        .collect();
-    let at = homogeneous_light(&frame).as_dvec4();
-    stage.triangles.triangles.iter().any(|t| {
-        let corners = t.map(|v| stage.triangles.positions[v as usize].as_dvec3());
-        let Some(volume) = twin::Volume::new(at, corners) else {
-            return false;
-        };
-        let inside = volume.contains(p);
-        if volume.distances(p)[3].abs() <= off {
-            return inside;
-        }
-        ways.iter().any(|way| volume.count_behind(camera.eye, *way, p) != i32::from(inside))
-    })
 }
 
 fn score(stage: &Stage, light: &Light, visibility: &[f32]) -> Score {
@@ -83,11 +42,7 @@ fn score(stage: &Stage, light: &Light, visibility: &[f32]) -> Score {
         }
         score.counted += 1;
         score.dark += usize::from(*t == 0.0);
-        if v == t {
-            continue;
-        }
-        score.wrong += 1;
-        score.unexplained += usize::from(!depends_on_snapping(stage, light, i));
+        score.wrong += usize::from(v != t);
     }
     score
 }
@@ -107,56 +62,39 @@ fn counting_is_exact_on_generated_scenes() {
     let gpu = gpu();
     let mut faults = Vec::new();
     let (z_fail, eye_counter) = (ZFail::default(), EyeCounter::default());
+    let triangle = Triangle::default();
     let (auto, zp_plus) = (Auto::default(), ZpPlus::default());
     for (index, (name, build, _)) in generate::ALL.iter().enumerate() {
-        // Blades and strands of a few pixels' width: slow, and a picture of edges alone.
-        if ["grass", "hair"].contains(name) {
-            continue;
-        }
         let scene = build();
-        let stage = stage(&gpu, &scene, scene.camera_or_framing());
         let large = scene.triangle_count() > 10_000;
+        let side = if large { 64 } else { 96 };
+        let camera = scene.camera_or_framing();
+        let stage = Stage::new(&gpu, &scene, camera, side, side).expect("a stage");
         for (turn, kind) in LIGHTS.into_iter().enumerate() {
             // Scenes of tens of thousands of triangles take seconds: one light for each of them.
             if large && turn != index % 3 {
                 continue;
             }
             let light = scene.light_or_placed(kind);
+            let mut configs: Vec<(&str, &dyn TechniqueConfig)> =
+                vec![("z-fail", &z_fail), ("counter", &eye_counter)];
             // The product of tiles and triangles is too much for the large ones.
             if !large {
-                let exact = shoot(&gpu, &stage, &light, &Triangle::default());
-                assert!(exact.counted > 1000, "{name}, {kind:?}: {exact:?}");
-                if exact.wrong > 0 {
-                    faults.push(format!("{name}, {kind:?}, containment: {exact:?}"));
-                }
+                configs.push(("triangle", &triangle));
             }
-            let others = ["rectangle", "fence", "street"].contains(name);
-            let mut counted: Vec<&dyn TechniqueConfig> = vec![&z_fail];
-            if others {
-                counted.extend([&eye_counter as &dyn TechniqueConfig, &auto, &zp_plus]);
+            if ["rectangle", "fence", "street"].contains(name) {
+                configs.extend([("auto", &auto as &dyn TechniqueConfig), ("zp-plus", &zp_plus)]);
             }
-            for (i, config) in counted.into_iter().enumerate() {
+            for (technique, config) in configs {
                 let score = shoot(&gpu, &stage, &light, config);
-                if score.unexplained > 0 || score.wrong * 1000 > score.counted {
-                    faults.push(format!("{name}, {kind:?}, {i}: {score:?}"));
+                assert!(score.counted > 500, "{name}, {kind:?}: {score:?}");
+                if score.wrong > 0 {
+                    faults.push(format!("{name}, {kind:?}, {technique}: {score:?}"));
                 }
             }
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-}
-
-#[test]
-fn few_samples_depend_on_snapping() {
-    let gpu = gpu();
-    let scene = generate::by_name("cube").expect("a scene");
-    let stage = stage(&gpu, &scene, scene.camera_or_framing());
-    let light = scene.light_or_placed(LightKind::Point);
-    let all = stage.image.positions.len();
-    let some = (0..all).step_by(16);
-    let there = some.filter(|&i| stage.image.normals[i] != glam::Vec3::ZERO);
-    let count = there.filter(|&i| depends_on_snapping(&stage, &light, i)).count();
-    assert!(count * 16 * 200 < all, "{count} of {all} / 16 samples are excused from the start");
 }
 
 #[test]
@@ -169,7 +107,7 @@ fn a_light_a_hundredth_of_the_scene_aside_is_found_out() {
     let mut technique = ZFail::default().technique(&gpu).expect("a technique");
     let shot = stage.shoot(&gpu, &aside, &mut technique, 0).expect("a shot");
     let score = score(&stage, &light, &shot.visibility);
-    assert!(score.unexplained > 10, "{score:?}");
+    assert!(score.wrong > 10, "{score:?}");
 }
 
 #[test]
@@ -181,11 +119,39 @@ fn the_stencil_counts_as_the_wide_counter_does() {
         for kind in LIGHTS {
             let light = scene.light_or_placed(kind);
             let [wide, stencil] = [Counter::Wide, Counter::Stencil].map(|counter| {
-                let mut technique = ZFail { counter }.technique(&gpu).expect("a technique");
+                let mut technique =
+                    ZFail { counter, ..ZFail::default() }.technique(&gpu).expect("a technique");
                 stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility
             });
             assert!(wide == stencil, "{name}, {kind:?}");
             assert!(wide.contains(&0.0) && wide.contains(&1.0), "{name}, {kind:?}: no shadow");
+        }
+    }
+}
+
+#[test]
+fn volumes_of_nothing_in_view_are_left_away_and_change_nothing() {
+    let gpu = gpu();
+    // Upstairs, nothing of the thousand cubes downstairs matters.
+    for (scene, most) in [(generate::two_storeys(true), 0.05), (generate::poles(30, false), 1.0)] {
+        let stage = stage(&gpu, &scene, scene.camera_or_framing());
+        let light = scene.lights[0];
+        for method in [false, true] {
+            let [all, left] = [false, true].map(|culling| {
+                let counter = Counter::default();
+                let config: Box<dyn TechniqueConfig> = if method {
+                    Box::new(Auto { counter, culling })
+                } else {
+                    Box::new(ZFail { counter, culling })
+                };
+                let mut technique = config.build(&gpu).expect("a valid config");
+                stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot")
+            });
+            assert!(all.visibility == left.visibility, "{}: other bits", scene.name);
+            let (casting, of) = (left.counters["casting_volumes"], all.counters["volumes"]);
+            assert!(casting > 0 && casting <= of, "{}: {casting} of {of}", scene.name);
+            let share = casting as f64 / of as f64;
+            assert!(share <= most, "{}: {casting} of {of} volumes cast", scene.name);
         }
     }
 }
@@ -220,10 +186,16 @@ fn counting_is_exact_from_eyes_in_shadow_and_overhead() {
         let above = Camera { eye: first.target + up + DVec3::new(0.13, 0.0, 0.07), ..first };
         for camera in inside.into_iter().chain([above]) {
             let stage = stage(&gpu, &scene, camera);
-            for config in [&ZFail::default() as &dyn TechniqueConfig, &Auto::default()] {
+            let configs: [&dyn TechniqueConfig; 5] = [
+                &ZFail::default(),
+                &Auto::default(),
+                &EyeCounter::default(),
+                &ZpPlus::default(),
+                &Silhouette::default(),
+            ];
+            for config in configs {
                 let score = shoot(&gpu, &stage, &light, config);
-                assert_eq!(score.unexplained, 0, "{name}, {camera:?}: {score:?}");
-                assert!(score.wrong * 1000 <= score.counted, "{name}, {camera:?}: {score:?}");
+                assert_eq!(score.wrong, 0, "{name}, {camera:?}: {score:?}");
             }
         }
     }
@@ -248,8 +220,7 @@ fn counting_stays_exact_while_camera_and_light_move() {
         let shot = stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot");
         let score = score(&stage, &light, &shot.visibility);
         dark += score.dark;
-        assert_eq!(score.unexplained, 0, "frame {frame}: {score:?}");
-        assert!(score.wrong <= 2, "frame {frame}: {score:?}");
+        assert_eq!(score.wrong, 0, "frame {frame}: {score:?}");
     }
     // The wall is seen, or lit, edge-on in some of them.
     assert!(dark > 2000, "{dark} samples in shadow in all frames");

@@ -2,7 +2,7 @@
 //!
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
 
-use antumbra_gpu::Expectation::{self, Holds, Refuses};
+use antumbra_gpu::Expectation::{self, Refuses};
 
 use super::{Meshes, Silhouette};
 
@@ -10,10 +10,6 @@ use super::{Meshes, Silhouette};
 pub(super) fn expectation(config: &Silhouette, case: &str) -> Option<Expectation> {
     // Faces are fewer, and count what those of all triangles count.
     let usual = crate::expectation::z_fail(config.counter, case)?;
-    // Of the sheets' samples a few lie beside edges of their own sheet; how many may be wrong is not derived yet.
-    if case.starts_with("HC-18") {
-        return None;
-    }
     let lone = case.starts_with("lone receivers");
     let manifold = !(case.starts_with("HC-19") || case.starts_with("HC-20"));
     Some(match (config.meshes, usual) {
@@ -24,11 +20,6 @@ pub(super) fn expectation(config: &Silhouette, case: &str) -> Option<Expectation
         (Meshes::Manifold, _) if !manifold => {
             Refuses { because: "the scene has a mesh that is no manifold" }
         }
-        // A side that several triangles share cannot be left out for the samples of one of them, as the sides of
-        // single triangles are: beside an edge of their own surface, within the rasteriser's step of sqrt(2) / 256
-        // pixel to either side, samples may be wrong. Bodies of 5120 triangles over 60 pixels of radius have less
-        // than one pixel of edge a pixel: 1 in 90.
-        _ if lone => Holds { bound: 1.0 / 90.0 },
         (_, usual) => usual,
     })
 }

@@ -6,8 +6,8 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
-use crate::count::{Counting, Draw};
-use crate::light::{homogeneous_light, perspective, triangles};
+use crate::count::{Counting, Draw, Eye, Request};
+use crate::light::{contact, homogeneous_light, perspective, triangles};
 use crate::{Counter, Method, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
@@ -131,7 +131,15 @@ impl Technique for SilhouetteTechnique {
         };
         let edges = edges(gpu, frame)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
-        self.counting.prepare(gpu, frame.samples, &view, light, 0.0)
+        let request = Request {
+            samples: frame.samples,
+            view,
+            light,
+            near: 0.0,
+            eye: Eye::Apart,
+            contact: contact(frame),
+        };
+        self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
     fn encode(
@@ -158,6 +166,7 @@ impl Technique for SilhouetteTechnique {
             // Under parallel light a volume narrows to a point at infinity.
             far_caps: frame.light.position().is_some(),
             cast_caps: false,
+            eye: Eye::Apart,
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -182,6 +191,7 @@ impl Technique for SilhouetteTechnique {
             ("volume_sides", sides),
             ("volume_caps", caps),
             ("casting_bodies", bodies),
+            ("doubtful_samples", self.counting.read_doubts(gpu)?),
         ]);
         Ok(counters)
     }

@@ -1,8 +1,25 @@
-//! What the camera sees, as a tree of boxes, by which bodies without a visible shadow are found.
+//! What the camera sees, as a tree of boxes, by which casters without a visible shadow are found.
 
 use antumbra_gpu::{BindGroupCache, Gpu, GpuError, ViewSamples, bind, entries};
 
-use super::storage;
+/// Room for `size` bytes, or for one element of any kind where that is nothing.
+pub(crate) fn storage(gpu: &Gpu, label: &str, size: u64) -> Result<wgpu::Buffer, GpuError> {
+    let size = size.max(32);
+    let limits = gpu.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if size > limit {
+        let what = "bytes of a list of shadow volumes' parts (split the casters)";
+        return Err(GpuError::Limit { what, asked: size, limit });
+    }
+    Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size,
+        usage: wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_SRC
+            | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    }))
+}
 
 /// Pixels a side of a block, and of a block of blocks; `volume/receivers.wesl` knows them too.
 const BLOCK: u32 = 16;
@@ -12,7 +29,7 @@ const BOX: u64 = 32;
 
 /// The passes that gather boxes, and the boxes.
 #[derive(Debug)]
-pub(super) struct Receivers {
+pub(crate) struct Receivers {
     gather: [wgpu::ComputePipeline; 2],
     layout: wgpu::BindGroupLayout,
     boxes: [wgpu::Buffer; 2],
@@ -21,7 +38,7 @@ pub(super) struct Receivers {
 }
 
 impl Receivers {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("receivers"),
@@ -43,7 +60,7 @@ impl Receivers {
     }
 
     /// Makes room for boxes around `samples`; with `None`, nothing will be gathered.
-    pub(super) fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
         samples: Option<&ViewSamples>,
@@ -76,7 +93,7 @@ impl Receivers {
         Ok(())
     }
 
-    pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         if let (Some((width, height)), Some(group)) = (self.size, self.group.kept()) {
             // A workgroup makes one box, or eight by eight boxes of boxes.
             for (gather, block) in self.gather.iter().zip([BLOCK, 8 * BLOCKS]) {
@@ -88,11 +105,11 @@ impl Receivers {
     }
 
     /// Boxes around blocks of pixels, and around blocks of those.
-    pub(super) fn boxes(&self) -> [&wgpu::Buffer; 2] {
+    pub(crate) fn boxes(&self) -> [&wgpu::Buffer; 2] {
         self.boxes.each_ref()
     }
 
-    pub(super) fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.boxes.iter().map(wgpu::Buffer::size).sum()
     }
 }
