@@ -198,7 +198,10 @@ fn kernels_of_the_pixels_size_do_not_alias() {
     assert!(found < coarse, "{found} with 1024 texels, {coarse} with 256");
     // The same footprints as boxes of a table. Slats are level with one another and the floor is parallel: two depths,
     // so Chebyshev's bound is exact.
-    let table = Savsm { map: map(1024), largest: 31.0, ..Savsm::default() };
+    // The bias cone of windows so wide would reach from the floor to the slats.
+    let bias = Bias { cone: 0.0, ..Bias::default() };
+    let map = MapConfig { bias, ..map(1024) };
+    let table = Savsm { map, largest: 31.0, ..Savsm::default() };
     let boxes = errors(&table);
     assert!(boxes < 0.5 * reconstructed, "{boxes}, and {reconstructed} by one texel's tent");
     let fixed = errors(&Savsm { follow_pixels: false, ..table });
