@@ -49,9 +49,9 @@ pub(super) struct Plan {
 /// relief, an interior, and a large scene.
 const QUICK_SCENES: [&str; 8] =
     ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
-/// Techniques of the quick suite: the plain map, one that avoids its bias, and what filters it. Shadow volumes of every
-/// triangle would take most of its time on a software device: ask for them by name.
-const QUICK_TECHNIQUES: [&str; 10] = [
+/// Techniques of the quick suite: the plain map, one that avoids its bias, what filters it, and what puts its samples
+/// elsewhere. Shadow volumes of every triangle would take most of its time on a software device: ask for them by name.
+const QUICK_TECHNIQUES: [&str; 12] = [
     "map/plain",
     "map/midpoint",
     "filter/pcf-hardware",
@@ -62,6 +62,8 @@ const QUICK_TECHNIQUES: [&str; 10] = [
     "filter/vsm",
     "filter/evsm",
     "filter/msm",
+    "sampling/cascades",
+    "sampling/view-samples",
 ];
 const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
 
