@@ -271,6 +271,62 @@ fn what_theory_says_of_two_sheets_holds_from_casters_to_visibility() {
 }
 
 #[test]
+fn faces_of_the_turned_cube_meet_without_a_seam() {
+    const SIDE: i32 = 96;
+    let gpu = gpu();
+    // A low light: on the floor faces change along a square of 2 m about it, turned as the light is, and bodies stand on it.
+    let mut scene = Scene { name: "seams".to_owned(), ..Scene::default() };
+    scene.add(generate::shapes::floor(6.0), DAffine3::IDENTITY);
+    for i in 0..12 {
+        let angle = f64::from(i) * std::f64::consts::TAU / 12.0;
+        let place = DVec3::new(1.3 * angle.cos(), 0.6 + 0.05 * f64::from(i), 1.3 * angle.sin());
+        let half = DVec3::splat(0.14);
+        let turn = DAffine3::from_translation(place) * DAffine3::from_rotation_y(angle);
+        scene.add(generate::shapes::cuboid(-half, half), turn);
+    }
+    let origin = scene.origin();
+    let place = |i: i32| (f64::from(i) + 0.5) * 7.0 / f64::from(SIDE) - 3.5;
+    let points: Vec<DVec3> =
+        (0..SIDE * SIDE).map(|i| DVec3::new(place(i % SIDE), 0.0, place(i / SIDE))).collect();
+    let samples: Vec<ViewSample> = points
+        .iter()
+        .map(|p| ViewSample { position: (*p - origin).as_vec3(), normal: Vec3::Y })
+        .collect();
+    let stage = Stage::at_points(&gpu, &scene, &samples).expect("a stage");
+    let center = DVec3::Y * 2.0;
+    let all = [
+        Light::Rect { center, half_u: DVec3::X * 0.2, half_v: DVec3::Z * 0.3 },
+        Light::Disc { center, radius: 0.25, axis_u: DVec3::X, axis_v: DVec3::Z },
+        Light::Sphere { center, radius: 0.2 },
+    ];
+    let options = TruthOptions { light_samples: 256, ..TruthOptions::default() };
+    let truths: Vec<_> = all.iter().map(|light| stage.truth(light, &options)).collect();
+    for config in techniques(512, Window::default()) {
+        let found = shots(&gpu, &config, all.iter().map(|light| (&stage, light)));
+        for (((found, _), truth), light) in found.iter().zip(&truths).zip(&all) {
+            // Mean error within a tenth of a metre of the seam, and within two on either side of that: what a seam adds of its own
+            // shows in the former alone.
+            let (mut sums, mut counts) = ([0.0; 2], [0u32; 2]);
+            for (i, p) in points.iter().enumerate() {
+                let from_seam = (p.x.abs().max(p.z.abs()) - 2.0).abs();
+                if from_seam < 0.3 && truth.class[i] == SampleClass::Counted {
+                    let side = usize::from(from_seam >= 0.1);
+                    sums[side] += f64::from((found[i] - truth.visibility[i]).abs());
+                    counts[side] += 1;
+                }
+            }
+            let [near, far] = [0, 1].map(|k| sums[k] / f64::from(counts[k].max(1)));
+            assert!(counts[0] > 300 && far > 0.0, "{counts:?} samples");
+            assert!(
+                near < 1.5 * far + 0.002,
+                "{config:?} under {light:?}: {near} at the seam, {far} elsewhere"
+            );
+            assert!(far < 0.05, "{config:?} under {light:?}: {far} everywhere");
+        }
+    }
+}
+
+#[test]
 fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
     let gpu = gpu();
     let stage = seen(&gpu, &bodies(), 64);
