@@ -35,6 +35,14 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
     };
     vec![
         ("single", matrices("map::layout_single")),
+        (
+            "objects",
+            vec![
+                module("layout", "map::layout_single"),
+                module("map::shadow", "map::shadow_least"),
+                source("objects", "const COUNT: i32 = 8;"),
+            ],
+        ),
         ("cube", matrices("map::layout_cube")),
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
@@ -47,7 +55,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 21] = [
+    const PASSES: [&str; 22] = [
         "gpu::light_depth",
         "gpu::light_depth_cut",
         "gpu::view_samples",
@@ -66,6 +74,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::triangle",
         "volume::receivers",
         "volume::silhouettes",
+        "map::cull_clusters",
         "map::peel",
         "map::between",
         "map::draw_ids",
@@ -80,11 +89,10 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
     }
     for (layout, slots) in layouts() {
-        all.push(Permutation {
-            name: format!("map-sampling-error-{layout}"),
-            root: "map::sampling_error",
-            slots,
-        });
+        for root in ["map::sampling_error", "map::receiver_mask"] {
+            let name = format!("{}-{layout}", file_name(root));
+            all.push(Permutation { name, root, slots: slots.clone() });
+        }
     }
     all.extend(blurs());
     for (estimator, slots) in estimators() {

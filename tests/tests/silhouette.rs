@@ -112,8 +112,8 @@ fn triangles_show_the_side_that_they_show_and_edges_weigh_what_they_weigh() {
     for (name, make, _) in generate::ALL {
         let scene = make();
         let stage = stage(&gpu, &scene, 8);
-        let (positions, triangles) = stage.meshes.geometry();
-        let edges = Edges::new(positions, triangles);
+        let (positions, triangles) = stage.meshes.geometry(&gpu).expect("read back");
+        let edges = Edges::new(&positions, &triangles);
         for kind in HARD {
             let light = scene.place_light(kind);
             stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot");

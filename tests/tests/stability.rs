@@ -25,6 +25,7 @@ fn techniques(size: u32) -> Vec<Config> {
             ..Default::default()
         }),
         Config::SecondDepth(SecondDepth { bias: 0.1, ..Default::default() }),
+        Config::Plain(Plain { map: MapConfig { receiver_mask: true, ..Default::default() } }),
     ]);
     for config in &mut all {
         config.set_map_size(size);

@@ -35,8 +35,8 @@ pub use record::{PassTime, PassTimes, Recorder, Timer};
 pub use samples::{DepthCamera, DepthSamples, SUBPIXEL_STEP, SampleImage, ViewSamples};
 pub use scan::Scan;
 pub use technique::{
-    CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, LightView, Technique,
-    TechniqueConfig, ViewCamera, check_light, light_view_layout,
+    CasterBody, CasterClusters, CasterTriangles, Casters, Counters, Drawn, Frame, LightView,
+    ListedTriangles, Technique, TechniqueConfig, ViewCamera, check_light, light_view_layout,
 };
 
 pub use wgpu;

@@ -12,11 +12,11 @@ use glam::{DVec3, DVec4, Vec3, Vec4};
 
 use crate::record::depth_attachment;
 use crate::{
-    CasterBody, CasterEdges, CasterTriangles, Casters, Drawn, Edges, Gpu, GpuError, LightView,
-    Recorder, ViewCamera, ViewSamples, bind,
+    CasterBody, CasterClusters, CasterEdges, CasterTriangles, Casters, Drawn, Edges, Gpu, GpuError,
+    LightView, ListedTriangles, Recorder, ViewCamera, ViewSamples, bind, read_buffer,
 };
 use cutouts::Cutouts;
-use parts::{Part, objects, parts};
+use parts::{Part, cluster_records, objects, parts};
 use pipelines::{depth_pipeline, samples_layout, samples_pipeline};
 
 /// The triangles of a scene on the GPU.
@@ -36,10 +36,13 @@ pub struct MeshSet {
     camera: wgpu::Buffer,
     camera_group: wgpu::BindGroup,
     cull: bool,
-    /// Positions and triangles, for the edges, which are made when first asked for.
-    geometry: (Vec<Vec3>, Vec<[u32; 3]>),
+    /// Made when first asked for.
     edges: OnceLock<CasterEdges>,
+    clusters: OnceLock<wgpu::Buffer>,
 }
+
+/// Bytes of an indexed indirect draw.
+const INDIRECT_DRAW: u64 = 20;
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -84,7 +87,8 @@ impl MeshSet {
         let buffer = |label, contents: &[u8], usage| {
             // A buffer may not be empty; four bytes that nothing draws.
             let contents = if contents.is_empty() { &[0; 4] } else { contents };
-            gpu.buffer(label, contents, usage | wgpu::BufferUsages::STORAGE)
+            let always = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            gpu.buffer(label, contents, usage | always)
         };
         let positions = buffer(
             "positions",
@@ -130,8 +134,8 @@ impl MeshSet {
             camera,
             camera_group,
             cull: true,
-            geometry: (triangles.positions.clone(), order),
             edges: OnceLock::new(),
+            clusters: OnceLock::new(),
         })
     }
 
@@ -142,10 +146,22 @@ impl MeshSet {
     }
 
     /// Positions relative to [`MeshSet::origin`], and triangles in the order in which the GPU holds them: that of
-    /// their clusters, instance by instance.
-    #[must_use]
-    pub fn geometry(&self) -> (&[Vec3], &[[u32; 3]]) {
-        (&self.geometry.0, &self.geometry.1)
+    /// their clusters, instance by instance. Read back, since no copy is kept: it waits.
+    ///
+    /// # Errors
+    /// A lost device, or any error that wgpu reported since the last check.
+    pub fn geometry(&self, gpu: &Gpu) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), GpuError> {
+        let read = |buffer, count: u32| match count {
+            0 => Ok(Vec::new()),
+            count => read_buffer(gpu, buffer, u64::from(count) * 12),
+        };
+        let positions = read(&self.positions, self.vertices)?;
+        let triangles = read(&self.indices, self.triangles)?;
+        // Bytes read back need not be aligned as what they stand for.
+        Ok((
+            positions.chunks_exact(12).map(bytemuck::pod_read_unaligned).collect(),
+            triangles.chunks_exact(12).map(bytemuck::pod_read_unaligned).collect(),
+        ))
     }
 
     /// World position of the zero of the uploaded positions, metres.
@@ -214,14 +230,8 @@ impl MeshSet {
     }
 
     fn can_cast(&self, light: &Light) -> impl Fn(&&Part) -> bool {
-        let light = *light;
-        let lies_below = move |floor: &DVec4| match light {
-            // A wide sun that dips below the floor's plane still only lights it from behind.
-            Light::Directional { direction, .. } => direction.dot(floor.truncate()) <= 0.0,
-            _ => light.position().is_some_and(|p| p.dot(floor.truncate()) + floor.w >= 0.0),
-        };
-        let cull = self.cull;
-        move |part| !(cull && part.floor.as_ref().is_some_and(lies_below))
+        let (cull, light) = (self.cull, *light);
+        move |part| !cull || part.body().can_cast(&light)
     }
 
     /// Calls `visit` with the ranges of the index buffer that can shadow something in `view`, of those parts that `which`
@@ -232,13 +242,22 @@ impl MeshSet {
         which: impl Fn(&Part) -> bool,
         visit: impl FnMut(Range<u32>),
     ) {
-        let seen = |bounds: &Bounds| !(self.cull && outside(view, bounds));
-        let casts = self.can_cast(view.light);
-        let matters =
-            |part: &&Part| which(part) && (view.receivers || casts(part)) && seen(&part.bounds);
-        let clusters = self.parts.iter().filter(matters).flat_map(|part| &part.clusters);
-        let clusters = clusters.filter(|cluster| seen(&cluster.bounds));
+        let matters = self.matters(view);
+        let parts = self.parts.iter().filter(|part| which(part) && matters(part));
+        let clusters = parts.flat_map(|part| &part.clusters);
+        let clusters = clusters.filter(|cluster| self.is_seen(view, &cluster.bounds));
         join(clusters.map(|cluster| cluster.indices.clone()), visit);
+    }
+
+    /// Whether something within `bounds` can shadow something in `view`.
+    fn is_seen(&self, view: &LightView<'_>, bounds: &Bounds) -> bool {
+        !(self.cull && outside(view, bounds))
+    }
+
+    /// Whether something of a part is to be drawn into `view`.
+    fn matters<'a>(&'a self, view: &'a LightView<'_>) -> impl Fn(&Part) -> bool + 'a {
+        let casts = self.can_cast(view.light);
+        move |part| (view.receivers || casts(&part)) && self.is_seen(view, &part.bounds)
     }
 
     /// Calls `visit` with the ranges of the index buffer of the parts that `which` keeps.
@@ -302,7 +321,7 @@ impl Casters for MeshSet {
 
     fn bodies(&self, visit: &mut dyn FnMut(&CasterBody)) {
         for part in &self.parts {
-            visit(&CasterBody { bounds: part.bounds, floor: part.floor });
+            visit(&part.body());
         }
     }
 
@@ -310,9 +329,60 @@ impl Casters for MeshSet {
         if let Some(made) = self.edges.get() {
             return Ok(Some(made));
         }
-        let (positions, triangles) = &self.geometry;
-        let made = CasterEdges::new(gpu, &Edges::new(positions, triangles))?;
+        let (positions, triangles) = self.geometry(gpu)?;
+        let made = CasterEdges::new(gpu, &Edges::new(&positions, &triangles))?;
         Ok(Some(self.edges.get_or_init(|| made)))
+    }
+
+    fn clusters(&self, gpu: &Gpu) -> Option<CasterClusters<'_>> {
+        let clusters = self.clusters.get_or_init(|| {
+            let records = cluster_records(&self.parts, self.origin);
+            gpu.buffer("clusters", bytemuck::cast_slice(&records), wgpu::BufferUsages::STORAGE)
+        });
+        let whole = self.parts.iter().filter(|part| !part.cut);
+        Some(CasterClusters {
+            clusters,
+            indices: &self.indices,
+            count: self.parts.iter().map(|part| part.clusters.len() as u32).sum(),
+            indices_count: self.parts.iter().map(|part| part.indices.len() as u32).sum(),
+            holes: whole.map(|part| part.indices.len() as u32).sum(),
+        })
+    }
+
+    fn kept_clusters(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
+        let matters = self.matters(view);
+        let mut first = 0;
+        for part in &self.parts {
+            if matters(part) {
+                for (i, cluster) in part.clusters.iter().enumerate() {
+                    if self.is_seen(view, &cluster.bounds) {
+                        visit(first + i as u32..first + i as u32 + 1);
+                    }
+                }
+            }
+            first += part.clusters.len() as u32;
+        }
+    }
+
+    fn draw_listed(
+        &self,
+        view: &LightView<'_>,
+        list: &ListedTriangles<'_>,
+        pass: &mut wgpu::RenderPass<'_>,
+    ) -> u64 {
+        pass.set_pipeline(&self.depth);
+        pass.set_bind_group(0, view.bind_group, &[view.offset]);
+        pass.set_vertex_buffer(0, self.positions.slice(..));
+        pass.set_index_buffer(list.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.draw_indexed_indirect(list.draws, list.offset);
+        let Some(cutouts) = &self.cutouts else {
+            return 1;
+        };
+        pass.set_pipeline(&cutouts.depth);
+        pass.set_bind_group(1, &cutouts.group, &[]);
+        pass.set_vertex_buffer(1, cutouts.coordinates.slice(..));
+        pass.draw_indexed_indirect(list.draws, list.offset + INDIRECT_DRAW);
+        2
     }
 
     fn ranges(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {

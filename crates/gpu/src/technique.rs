@@ -191,6 +191,31 @@ pub trait Casters {
         Ok(None)
     }
 
+    /// The clusters among which a technique may choose on the GPU what to draw, made when first asked for; `None`, as by
+    /// default, where there are none: then all that [`Casters::draw`] draws is drawn. Who has some implements
+    /// [`Casters::kept_clusters`] and [`Casters::draw_listed`] too.
+    fn clusters(&self, gpu: &Gpu) -> Option<CasterClusters<'_>> {
+        let _ = gpu;
+        None
+    }
+
+    /// Calls `visit` with ranges of clusters, by number, that can shadow something in `view`: those that
+    /// [`Casters::draw`] draws.
+    fn kept_clusters(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
+        let _ = (view, visit);
+    }
+
+    /// As [`Casters::draw`], but what is listed. Gives the number of draw calls.
+    fn draw_listed(
+        &self,
+        view: &LightView<'_>,
+        list: &ListedTriangles<'_>,
+        pass: &mut wgpu::RenderPass<'_>,
+    ) -> u64 {
+        let _ = (view, list, pass);
+        0
+    }
+
     /// Calls `visit` with the ranges of [`Casters::triangles`], counted in triangles, that can shadow
     /// something in `view`: those that [`Casters::draw`] draws. All of them by default.
     fn ranges(&self, view: &LightView<'_>, visit: &mut dyn FnMut(Range<u32>)) {
@@ -201,6 +226,34 @@ pub trait Casters {
     }
 }
 
+/// Casters' triangles in clusters of neighbours, for choosing among them on the GPU.
+#[derive(Clone, Copy, Debug)]
+pub struct CasterClusters<'a> {
+    /// Eight words a cluster: the low corner of its box (`f32`, relative to the frame's origin, metres), the number of its
+    /// first index, the high corner, the number of its indices, with bit 31 set where its triangles have holes. The
+    /// boxes hold all their vertices. Usage `STORAGE`.
+    pub clusters: &'a wgpu::Buffer,
+    /// The indices that they refer to. Usage `STORAGE`.
+    pub indices: &'a wgpu::Buffer,
+    /// Number of clusters.
+    pub count: u32,
+    /// Number of indices of all clusters.
+    pub indices_count: u32,
+    /// Number of indices of whole triangles: in a list of chosen ones, those with holes begin there.
+    pub holes: u32,
+}
+
+/// Triangles chosen on the GPU.
+#[derive(Clone, Copy, Debug)]
+pub struct ListedTriangles<'a> {
+    /// Their indices: those of whole triangles from 0, those with holes from [`CasterClusters::holes`].
+    pub indices: &'a wgpu::Buffer,
+    /// Two indexed indirect draws, of whole triangles and of those with holes.
+    pub draws: &'a wgpu::Buffer,
+    /// Where they begin, bytes.
+    pub offset: u64,
+}
+
 /// What [`Casters::bodies`] says of one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CasterBody {
@@ -209,6 +262,19 @@ pub struct CasterBody {
     /// For a flat body that bounds the scene, its plane in world space: xyz unit normal, w offset in metres;
     /// no other body reaches below it.
     pub floor: Option<DVec4>,
+}
+
+impl CasterBody {
+    /// Whether it can shadow something under `light`. A floor cannot whose upper side is lit: whatever it could shadow
+    /// lies below it, and there is nothing.
+    #[must_use]
+    pub fn can_cast(&self, light: &Light) -> bool {
+        !self.floor.is_some_and(|floor| match *light {
+            // A wide sun that dips below the floor's plane still only lights it from behind.
+            Light::Directional { direction, .. } => direction.dot(floor.truncate()) <= 0.0,
+            _ => light.position().is_some_and(|p| p.dot(floor.truncate()) + floor.w >= 0.0),
+        })
+    }
 }
 
 /// The triangles of casters, for techniques that need more than their depth.

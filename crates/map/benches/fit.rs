@@ -1,7 +1,8 @@
 //! CPU cost of fitting a light's views, per frame.
 
-use antumbra_map::{Fitting, fit};
-use antumbra_scene::Light;
+use antumbra_gpu::ViewCamera;
+use antumbra_map::{Fitting, Sight, VisibleRegion, fit, fit_seen};
+use antumbra_scene::{Bounds, Camera, Light};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 
@@ -44,5 +45,36 @@ fn fits(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, fits);
+/// To what a camera in the street sees, with every house in `pieces` boxes: the clusters of its triangles.
+fn fits_of_clusters(c: &mut Criterion) {
+    let hull = hull();
+    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false };
+    let eye = DVec3::new(88.0, 1.7, 100.0);
+    let target = eye + DVec3::new(1.0, 0.0, 0.3);
+    let camera = Camera { eye, target, up: DVec3::Y, fov_y: 1.0, near: 0.05 };
+    let view = ViewCamera { clip: camera.view_projection(DVec3::ZERO, 1.5), eye };
+    let light = Light::sun(0.8, 0.6, 0.0);
+    let mut group = c.benchmark_group("fit to what is seen");
+    for pieces in [10, 20, 40] {
+        let mut boxes = Vec::new();
+        for corners in hull.chunks_exact(8) {
+            let Bounds { min, max } = Bounds::of(corners.iter().copied());
+            let share = (max - min) / f64::from(pieces);
+            boxes.extend((0..pieces).map(|i| Bounds {
+                min: min.with_y(min.y + share.y * f64::from(i)),
+                max: max.with_y(min.y + share.y * f64::from(i + 1)),
+            }));
+        }
+        group.bench_function(format!("{} clusters", boxes.len()), |b| {
+            b.iter(|| {
+                let region = VisibleRegion::new(&view, &boxes, DVec3::ZERO)?;
+                let sight = Sight { region: &region, casters: &boxes };
+                fit_seen(&light, &hull, Some(&sight), &fitting).ok()
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, fits, fits_of_clusters);
 criterion_main!(benches);

@@ -129,6 +129,11 @@ impl Resolve {
         Ok(())
     }
 
+    /// The views that [`Resolve::set_views`] uploads.
+    pub(crate) fn views(&self) -> &wgpu::Buffer {
+        &self.views
+    }
+
     /// Sets what the estimator reads beside its map, from now on.
     pub fn set_group(&mut self, group: Option<&wgpu::BindGroup>) {
         self.group = group.cloned();

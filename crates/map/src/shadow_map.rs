@@ -1,10 +1,14 @@
 //! The depth texture of a light and the passes that fill it.
 
-use antumbra_gpu::{Counters, Drawn, Frame, Gpu, GpuError, LightView, Recorder, light_view_layout};
+use antumbra_gpu::{
+    CasterClusters, Counters, Drawn, Frame, Gpu, GpuError, LightView, ListedTriangles, Recorder,
+    light_view_layout,
+};
 use antumbra_scene::Bounds;
 use glam::{DVec3, DVec4, Mat4};
 
 use crate::chart_pass::{ChartPass, triangles_of};
+use crate::receiver_mask::ReceiverMask;
 use crate::{
     Arrange, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView,
     Sight, VisibleRegion,
@@ -230,6 +234,43 @@ impl ShadowMap {
         Ok(())
     }
 
+    /// As [`ShadowMap::encode`], but draws those of `clusters` only that `mask` lists.
+    pub(crate) fn encode_masked(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        recorder: &mut Recorder<'_>,
+        mask: &mut ReceiverMask,
+        clusters: &CasterClusters<'_>,
+    ) {
+        let clear = DepthConvention::REVERSED_F32.clear();
+        let (mut passes, mut draws) = (0, 0);
+        for (number, (view, layer)) in self.light_views(frame).zip(self.layer_views()).enumerate() {
+            let list = mask.encode_list(gpu, recorder, number as u32, clusters);
+            let mut pass = recorder.depth_pass("map/depth", layer, clear);
+            if let Some((indices, list, offset)) = list {
+                let list = ListedTriangles { indices, draws: list, offset };
+                draws += frame.casters.draw_listed(&view, &list, &mut pass);
+            }
+            passes += 1;
+        }
+        self.count(passes, draws, None);
+    }
+
+    /// Takes note of the work done; without `triangles`, of which only the GPU knows.
+    fn count(&mut self, passes: u64, draws: u64, triangles: Option<u64>) {
+        let texels = passes * u64::from(self.size) * u64::from(self.size);
+        self.counters = Counters::from([
+            ("map_passes", passes),
+            ("map_draws", draws),
+            ("map_texels", texels),
+            ("map_lights_skipped", u64::from(passes == 0)),
+        ]);
+        if let Some(triangles) = triangles {
+            self.counters.insert("map_triangles", triangles);
+        }
+    }
+
     fn encode_by(
         &mut self,
         frame: &Frame<'_>,
@@ -245,14 +286,7 @@ impl ShadowMap {
             draws += drawn.draws;
             triangles += drawn.triangles;
         }
-        let texels = passes * u64::from(self.size) * u64::from(self.size);
-        self.counters = Counters::from([
-            ("map_passes", passes),
-            ("map_draws", draws),
-            ("map_triangles", triangles),
-            ("map_texels", texels),
-            ("map_lights_skipped", u64::from(passes == 0)),
-        ]);
+        self.count(passes, draws, Some(triangles));
     }
 
     /// Who fits the views.

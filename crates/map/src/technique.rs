@@ -5,9 +5,10 @@ use antumbra_gpu::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::receiver_mask::ReceiverMask;
 use crate::{
-    Arrange, Bias, CasterDepth, DepthConvention, Estimator, Layout, MapRead, Omni, Resolve,
-    ShadowMap, ShadowView, Store, caster_depth, expectation,
+    Arrange, Bias, CasterDepth, DepthConvention, Drawing, Estimator, Layout, MapRead, Omni,
+    PerObject, Resolve, ShadowMap, ShadowView, Store, caster_depth, expectation,
 };
 
 /// Settings that every technique over a shadow map shares.
@@ -21,11 +22,48 @@ pub struct MapConfig {
     pub bias: Bias,
     /// Layout of the map for lights that shine all around, default the cube.
     pub omni: Omni,
+    /// Whether casters are chosen, on the GPU, by what view samples look up of the map, default no. Visibility does not
+    /// change by a bit. Costs a pass over the view samples and one over the casters' clusters a view, and room for
+    /// the indices of all triangles; saves the casters that shadow only what the camera does not see. For estimators
+    /// that compare texels of the map itself, over projections by matrix and casters in clusters
+    /// ([`antumbra_gpu::Casters::clusters`]); other casters and projections are drawn as without, and so are layouts that
+    /// look up more than one view.
+    pub receiver_mask: bool,
+    /// Number of maps that objects have for themselves under directional and spot lights, up to 64; default 0: one map
+    /// around all casters. With more objects than maps, neighbours share one. Each map costs a pass and a layer, and
+    /// each view sample a lookup in every map; a map's texels are as fine as its object is small. See
+    /// [`crate::PerObject`].
+    pub objects: u32,
 }
 
 impl Default for MapConfig {
     fn default() -> Self {
-        Self { size: 2048, bias: Bias::default(), omni: Omni::default() }
+        Self {
+            size: 2048,
+            bias: Bias::default(),
+            omni: Omni::default(),
+            receiver_mask: false,
+            objects: 0,
+        }
+    }
+}
+
+impl MapConfig {
+    /// Who fits the views.
+    fn arrange(&self) -> Result<Box<dyn Arrange>, GpuError> {
+        if self.objects == 0 {
+            return Ok(Box::new(self.omni));
+        }
+        if self.receiver_mask {
+            return Err(GpuError::Invalid {
+                what: "receiver mask",
+                value: "over maps of single objects".to_owned(),
+                fix: "choose one of `receiver_mask` and `objects`: a mask knows one view a sample",
+            });
+        }
+        let arrange = PerObject { most: self.objects, omni: self.omni };
+        arrange.validate()?;
+        Ok(Box::new(arrange))
     }
 }
 
@@ -59,6 +97,7 @@ pub struct MapTechnique {
     estimator: Estimator,
     map: ShadowMap,
     drawn_by: Option<CasterDepth>,
+    mask: Option<ReceiverMask>,
     store: Option<Box<dyn Store>>,
     resolve: Option<(Layout, Resolve)>,
     nothing: Option<wgpu::TextureView>,
@@ -71,7 +110,7 @@ impl MapTechnique {
     /// # Errors
     /// A size beyond the device's limits or a bias that is no number.
     pub fn new(gpu: &Gpu, config: &MapConfig, estimator: Estimator) -> Result<Self, GpuError> {
-        Self::build(gpu, config, estimator, Box::new(config.omni), None)
+        Self::build(gpu, config, estimator, config.arrange()?, None)
     }
 
     /// As [`MapTechnique::new`], for an estimator that reads `store` instead of the depth map.
@@ -84,7 +123,7 @@ impl MapTechnique {
         estimator: Estimator,
         store: Box<dyn Store>,
     ) -> Result<Self, GpuError> {
-        Self::build(gpu, config, estimator, Box::new(config.omni), Some(store))
+        Self::build(gpu, config, estimator, config.arrange()?, Some(store))
     }
 
     /// As [`MapTechnique::new`], with views that `arrange` chooses and fits in the place of
@@ -109,6 +148,13 @@ impl MapTechnique {
         store: Option<Box<dyn Store>>,
     ) -> Result<Self, GpuError> {
         config.bias.validate()?;
+        if config.receiver_mask && store.is_some() {
+            return Err(GpuError::Invalid {
+                what: "receiver mask",
+                value: "over a store made of the whole map".to_owned(),
+                fix: "leave `receiver_mask` off: such a store needs all casters",
+            });
+        }
         // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
         let guard = estimator.radius.ceil() as u32 + 1;
         let receivers = store.as_ref().is_some_and(|s| s.needs_receivers());
@@ -118,6 +164,7 @@ impl MapTechnique {
             estimator,
             map,
             drawn_by: None,
+            mask: None,
             store,
             resolve: None,
             nothing: None,
@@ -150,6 +197,28 @@ impl MapTechnique {
     #[must_use]
     pub fn store(&self) -> Option<&dyn Store> {
         self.store.as_deref()
+    }
+
+    /// Takes note of what may be drawn of the casters, where it is masked.
+    fn prepare_mask(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
+        let layout = self.map.arrange().layout(frame.light);
+        // Who replaces this module may look up more than one view, or other texels than the estimator says.
+        let mut slots = layout.slots.iter().chain(&self.estimator.slots);
+        let as_usual = !slots.any(|(slot, _)| slot == "map::shadow");
+        let masked = self.config.receiver_mask
+            && as_usual
+            && self.drawn_by.is_none()
+            && layout.drawing == Drawing::Matrix;
+        let clusters = if masked { frame.casters.clusters(gpu) } else { None };
+        let Some(clusters) = clusters else {
+            self.mask = None;
+            return Ok(());
+        };
+        let mask = match self.mask.take().filter(|mask| mask.serves(&layout)) {
+            Some(mask) => mask,
+            None => ReceiverMask::new(gpu, &layout, self.map.size(), self.estimator.radius)?,
+        };
+        self.mask.insert(mask).prepare(gpu, frame, &self.map, &clusters)
     }
 
     /// What the estimator reads: the store or else the map, or a texel of nothing where there is no caster.
@@ -194,6 +263,7 @@ impl Technique for MapTechnique {
         if self.drawn_by.is_some() {
             caster_depth::triangles(frame.casters)?;
         }
+        self.prepare_mask(gpu, frame)?;
         if let Some(store) = &mut self.store {
             store.prepare(gpu, frame, &self.map)?;
             if let Some((_, resolve)) = &mut self.resolve {
@@ -224,9 +294,15 @@ impl Technique for MapTechnique {
         };
         self.counters.clear();
         if !self.store.as_ref().is_some_and(|s| s.draws()) {
-            match &self.drawn_by {
-                Some(depth) => self.map.encode_triangles(frame, recorder, depth)?,
-                None => self.map.encode(frame, recorder),
+            let mask = self.mask.as_mut();
+            let masked = mask.and_then(|mask| Some((mask, frame.casters.clusters(gpu)?)));
+            match (&self.drawn_by, masked) {
+                (Some(depth), _) => self.map.encode_triangles(frame, recorder, depth)?,
+                (None, Some((mask, clusters))) => {
+                    mask.encode_marks(gpu, recorder, frame.samples, resolve.views());
+                    self.map.encode_masked(gpu, frame, recorder, mask, &clusters);
+                }
+                (None, None) => self.map.encode(frame, recorder),
             }
             self.counters.extend(self.map.counters());
         }
@@ -246,8 +322,17 @@ impl Technique for MapTechnique {
         self.counters.clone()
     }
 
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters.clone();
+        if let Some(mask) = &self.mask {
+            counters.insert("map_triangles", mask.read_triangles(gpu)?);
+        }
+        Ok(counters)
+    }
+
     fn bytes(&self) -> u64 {
-        self.map.bytes() + self.store.as_ref().map_or(0, |s| s.bytes())
+        let mask = self.mask.as_ref().map_or(0, ReceiverMask::bytes);
+        self.map.bytes() + mask + self.store.as_ref().map_or(0, |s| s.bytes())
     }
 }
 

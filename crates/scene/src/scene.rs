@@ -176,7 +176,7 @@ impl Scene {
 }
 
 impl Triangles {
-    /// Writes the triangles as a Wavefront OBJ file in world space, one object for each instance.
+    /// Writes the triangles as a Wavefront OBJ file in world space, one object for each instance, all of them whole.
     ///
     /// Coordinates are `origin` plus position in `f64`, in the shortest decimal form that reads
     /// back as the same `f64`; with an origin of zero they therefore read back as the same `f32`.

@@ -119,11 +119,15 @@ fn entries() -> Vec<Entry> {
         |suffix: &str, config: Config| Entry { name: format!("{}-{suffix}", config.id()), config };
     let omni = |omni| MapConfig { omni, ..MapConfig::default() };
     let plain = |layout| Config::Plain(Plain { map: omni(layout) });
+    let objects = MapConfig { objects: 8, ..MapConfig::default() };
+    let masked = MapConfig { receiver_mask: true, ..MapConfig::default() };
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     defaults
         .chain([
+            variant("receiver-mask", Config::Plain(Plain { map: masked })),
+            variant("objects", Config::Plain(Plain { map: objects })),
             variant("tetrahedron", plain(Omni::Tetrahedron)),
             variant("isocube", plain(Omni::Isocube)),
             variant("paraboloid", plain(Omni::DualParaboloid)),

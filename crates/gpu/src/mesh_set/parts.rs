@@ -5,6 +5,8 @@ use std::ops::Range;
 use antumbra_scene::{Bounds, Triangles};
 use glam::{DVec3, DVec4};
 
+use crate::CasterBody;
+
 /// One instance of the scene.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
@@ -19,6 +21,12 @@ pub(super) struct Part {
     pub(super) floor: Option<DVec4>,
     /// Whether it has holes.
     pub(super) cut: bool,
+}
+
+impl Part {
+    pub(super) fn body(&self) -> CasterBody {
+        CasterBody { bounds: self.bounds, floor: self.floor }
+    }
 }
 
 /// Triangles of one instance that lie near one another.
@@ -120,4 +128,22 @@ fn floor_plane(triangles: &Triangles, parts: &[Part], i: usize) -> Option<DVec4>
     } else {
         None
     }
+}
+
+/// Eight words a cluster, as [`crate::CasterClusters`] has them; eight zeros where there is none.
+pub(super) fn cluster_records(parts: &[Part], origin: DVec3) -> Vec<u32> {
+    let mut records = Vec::new();
+    for part in parts {
+        for Cluster { indices, bounds } in &part.clusters {
+            // The vertices are rounded to f32 relative to the origin already; their sum with it need not be exact.
+            let low = (bounds.min - origin).as_vec3().to_array().map(f32::next_down);
+            let high = (bounds.max - origin).as_vec3().to_array().map(f32::next_up);
+            let holes = u32::from(part.cut) << 31;
+            records.extend(low.map(f32::to_bits));
+            records.push(indices.start);
+            records.extend(high.map(f32::to_bits));
+            records.push(indices.len() as u32 | holes);
+        }
+    }
+    if records.is_empty() { vec![0; 8] } else { records }
 }
