@@ -56,7 +56,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
 /// Kernel sizes stand for all sizes: they are loop bounds.
 #[must_use]
 pub fn permutations() -> Vec<Permutation> {
-    const PASSES: [&str; 23] = [
+    const PASSES: [&str; 28] = [
         "gpu::light_depth",
         "gpu::view_samples",
         "gpu::unproject",
@@ -76,6 +76,11 @@ pub fn permutations() -> Vec<Permutation> {
         "map::peel",
         "map::between",
         "map::draw_ids",
+        "sampling::matched_request",
+        "sampling::matched_pages",
+        "sampling::matched_casters",
+        "sampling::matched_draw",
+        "sampling::matched_resolve",
         "sampling::view_samples_lists",
         "sampling::view_samples_casters",
         "sampling::view_samples_pieces",
