@@ -144,11 +144,7 @@ fn storage(
     let limits = gpu.device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     if size > limit {
-        return Err(GpuError::Limit {
-            what: "bytes of a buffer of pages",
-            asked: size,
-            limit,
-        });
+        return Err(GpuError::Limit { what: "bytes of a buffer of pages", asked: size, limit });
     }
     Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
