@@ -81,7 +81,7 @@ impl TechniqueConfig for ResolutionMatched {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::matched(&self.map, case)
+        expectation::matched(self, case)
     }
 }
 
