@@ -61,7 +61,6 @@ fn few_samples_of_a_street_are_wrong() {
         let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &of_size(2048)));
         let share = wrong(&stage, &light, &shot.visibility);
         let counters = &shot.counters;
-        println!("{kind:?}: {share} {counters:?}");
         assert!(share <= 5e-3, "{kind:?}: {share} of the samples are wrong");
         assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
         assert_eq!(counters["pages_in_use"], counters["pages_requested"], "{kind:?}: no others");
@@ -73,7 +72,6 @@ fn few_samples_of_a_street_are_wrong() {
         };
         // As much memory without pages does worse; and what does badly is found out.
         let [as_large, small] = [2048, 64].map(plain);
-        println!("plain {as_large} {small}");
         assert!(as_large > share, "{kind:?}: {as_large} of a plain map are wrong");
         assert!(small > 5e-3, "{kind:?}: {small} of a map of 64 texels a side are wrong");
     }
