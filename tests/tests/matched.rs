@@ -295,6 +295,22 @@ fn pages_whose_lists_have_no_room_are_drawn_all_the_same() {
 }
 
 #[test]
+fn without_casters_all_is_lit_and_no_page_is_made() {
+    let gpu = gpu();
+    let scene = generate::grazing_plane(0.0);
+    let stage = stage(&gpu, &scene, 16);
+    for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
+        let light = generate::cube_on_floor().place_light(kind);
+        let mut technique = built(&gpu, &of_size(1024));
+        let shot = shoot(&gpu, &stage, &light, &mut technique);
+        assert!(shot.visibility.iter().all(|v| *v == 1.0), "{kind:?}: not all lit");
+        assert_eq!((shot.counters["map_draws"], shot.counters["map_passes"]), (0, 0), "{kind:?}");
+        // Six matrices, at most 256 bytes apart, and the setup.
+        assert!(shot.bytes <= 7 * 256 + 1024, "{kind:?}: {} bytes", shot.bytes);
+    }
+}
+
+#[test]
 fn unusable_settings_are_refused_with_a_fix() {
     let gpu = gpu();
     let usual = ResolutionMatched::default();
