@@ -206,6 +206,9 @@ techniques! {
     /// A map warped as the view is.
     Psm(antumbra_sampling::Psm<Box<Config>>) = "sampling/psm",
     #[cfg(feature = "sampling")]
+    /// Pages as fine as the view asks for.
+    ResolutionMatched(antumbra_sampling::ResolutionMatched) = "sampling/matched",
+    #[cfg(feature = "sampling")]
     /// The view's samples in place of a map's.
     ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
     #[cfg(feature = "soft")]

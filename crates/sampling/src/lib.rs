@@ -6,6 +6,7 @@
 mod cascade_fit;
 mod cascades;
 mod eye;
+pub mod matched;
 mod over;
 mod sdsm;
 mod splits;
@@ -18,6 +19,7 @@ mod warps;
 
 pub use cascades::{CascadeFit, Cascades, Select};
 pub use eye::Eye;
+pub use matched::{MatchedMap, ResolutionMatched};
 pub use sdsm::Sdsm;
 pub use splits::Splits;
 pub use storage::Body;

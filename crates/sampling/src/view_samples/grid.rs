@@ -1,14 +1,14 @@
 //! The light's grid of buckets: its projections, fitted as those of a shadow map, and the casters of each.
 
 use antumbra_gpu::{Frame, Gpu, GpuError, LightView, bind, light_view_layout};
-use antumbra_map::{Fitting, ShadowMap, Sight, VisibleRegion, fit_seen};
+use antumbra_map::{Fitting, SeenView, ShadowMap, Sight, VisibleRegion, fit_seen};
 use antumbra_scene::Bounds;
 use glam::{DMat3, DMat4, DVec3, DVec4, Mat4};
 
 /// Most faces that a light has.
 pub(super) const FACES: usize = 6;
 /// Triangles of a block of casters; `sampling/view_samples_casters.wesl` knows it too.
-pub(super) const BLOCK: u32 = 32;
+pub(crate) const BLOCK: u32 = 32;
 
 /// The projections of a light onto buckets. Positions are relative to the frame's origin, metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -146,18 +146,18 @@ impl GridUniform {
 
 /// Fits grids, and keeps what it collects on the way.
 #[derive(Debug)]
-pub(super) struct Fitter {
+pub(crate) struct Fitter {
     hull: Vec<DVec3>,
     casters: Vec<Bounds>,
     receivers: Vec<Bounds>,
     /// Blocks of casters: first triangle, and number of triangles + 64 times the face.
-    pub(super) blocks: Vec<[u32; 2]>,
+    pub(crate) blocks: Vec<[u32; 2]>,
     /// Of a matrix that nothing draws with: casters are asked which of them a view needs.
     nothing: wgpu::BindGroup,
 }
 
 impl Fitter {
-    pub(super) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let matrix = bytemuck::bytes_of(&Mat4::IDENTITY).to_vec();
         let buffer = gpu.buffer("light view", &matrix, wgpu::BufferUsages::UNIFORM);
         let nothing = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -177,14 +177,29 @@ impl Fitter {
     /// The grid of the frame's light, `side` buckets a side of each face, over what casters can shadow of what is seen;
     /// and the blocks of these casters.
     pub(super) fn fit(&mut self, frame: &Frame<'_>, side: u32) -> Result<Grid, GpuError> {
+        // A bucket around the window, so that what lies beyond it is certainly beyond.
+        let fitting = Fitting { origin: frame.origin, size: side, guard: 1, receivers: false };
+        let views = self.views(frame, &fitting)?;
+        // As the shaders have it, so that both speak of the same rays.
+        let light = views[0].view.light.as_vec4().as_dvec4();
+        let face = |clip: Option<DMat4>| Face::of(clip?, light, side);
+        let faces = views.iter().map(|view| face(view.view.clip)).collect();
+        Ok(Grid { light, side, faces })
+    }
+
+    /// The views of the frame's light, fitted to what casters can shadow of what is seen; and the blocks of these
+    /// casters.
+    pub(crate) fn views(
+        &mut self,
+        frame: &Frame<'_>,
+        fitting: &Fitting,
+    ) -> Result<Vec<SeenView>, GpuError> {
         self.hull.clear();
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
         let region = self.visible_region(frame);
         let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
-        // A bucket around the window, so that what lies beyond it is certainly beyond.
-        let fitting = Fitting { origin: frame.origin, size: side, guard: 1, receivers: false };
-        let views = fit_seen(frame.light, &self.hull, sight.as_ref(), &fitting)?;
+        let views = fit_seen(frame.light, &self.hull, sight.as_ref(), fitting)?;
         self.blocks.clear();
         let blocks = &mut self.blocks;
         for (index, view) in views.iter().enumerate() {
@@ -209,11 +224,7 @@ impl Fitter {
                 );
             });
         }
-        // As the shaders have it, so that both speak of the same rays.
-        let light = views[0].view.light.as_vec4().as_dvec4();
-        let face = |clip: Option<DMat4>| Face::of(clip?, light, side);
-        let faces = views.iter().map(|view| face(view.view.clip)).collect();
-        Ok(Grid { light, side, faces })
+        Ok(views)
     }
 
     /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and

@@ -1,0 +1,355 @@
+//! Resolution-matched pages: which are asked for, drawn and kept, and how right the picture is that comes of them.
+
+use std::collections::BTreeSet;
+
+use antumbra_gpu::{Gpu, GpuError, TechniqueConfig as _};
+use antumbra_map::{
+    Estimator, Fitting, MapConfig, MapTechnique, Plain, Sight, VisibleRegion, fit_seen,
+};
+use antumbra_measure::stability::CASES;
+use antumbra_measure::{Shot, Stage};
+use antumbra_reference::{SampleClass, TruthOptions};
+use antumbra_sampling::matched::{Page, Virtual};
+use antumbra_sampling::{MatchedMap, ResolutionMatched};
+use antumbra_scene::generate::{self, shapes};
+use antumbra_scene::{Bounds, Camera, Light, LightKind, Scene};
+use antumbra_tests::gpu;
+use glam::{DAffine3, DMat4, DVec2, DVec3, Vec3};
+
+const TIES: TruthOptions = TruthOptions {
+    light_samples: 1,
+    ties: true,
+    tie_distance: 1e-5,
+    position_error: 1.0 / (1 << 21) as f64,
+    seed: 0,
+};
+
+fn stage(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
+    Stage::new(gpu, scene, scene.camera_or_framing(), side, side).expect("a stage")
+}
+
+fn of_size(size: u32) -> ResolutionMatched {
+    ResolutionMatched { map: MapConfig { size, ..MapConfig::default() }, ..Default::default() }
+}
+
+fn built(gpu: &Gpu, config: &ResolutionMatched) -> MatchedMap {
+    MatchedMap::new(gpu, config).expect("a valid config")
+}
+
+fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut MatchedMap) -> Shot {
+    stage.shoot(gpu, light, technique, 0).expect("a shot")
+}
+
+/// Share of the counted samples that are wrong.
+fn wrong(stage: &Stage, light: &Light, visibility: &[f32]) -> f64 {
+    let truth = stage.truth(light, &TIES);
+    let counted: Vec<usize> =
+        (0..visibility.len()).filter(|&i| truth.class[i] == SampleClass::Counted).collect();
+    let dark = counted.iter().filter(|&&i| truth.visibility[i] == 0.0).count();
+    assert!(20 * dark > counted.len(), "{dark} of {} samples are dark", counted.len());
+    let wrong = counted.iter().filter(|&&i| truth.visibility[i] != visibility[i]).count();
+    wrong as f64 / counted.len() as f64
+}
+
+#[test]
+fn few_samples_of_a_street_are_wrong() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let stage = stage(&gpu, &scene, 512);
+    for kind in [LightKind::Directional, LightKind::Spot] {
+        let light = scene.light_or_placed(kind);
+        let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &of_size(2048)));
+        let share = wrong(&stage, &light, &shot.visibility);
+        let counters = &shot.counters;
+        assert!(share <= 5e-3, "{kind:?}: {share} of the samples are wrong");
+        assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
+        assert_eq!(counters["pages_in_use"], counters["pages_requested"], "{kind:?}: no others");
+        let plain = |size| {
+            let map = MapConfig { size, ..MapConfig::default() };
+            let mut plain = Plain { map }.build(&gpu).expect("a valid config");
+            let shot = stage.shoot(&gpu, &light, plain.as_mut(), 0).expect("a shot");
+            wrong(&stage, &light, &shot.visibility)
+        };
+        // As much memory without pages does worse; and what does badly is found out.
+        let [as_large, small] = [2048, 64].map(plain);
+        assert!(as_large > share, "{kind:?}: {as_large} of a plain map are wrong");
+        assert!(small > 5e-3, "{kind:?}: {small} of a map of 64 texels a side are wrong");
+    }
+}
+
+/// A floor, two posts at its corners that cast over all of it, and a small box at `x`.
+fn yard(x: f64) -> Scene {
+    let mut scene = Scene { name: "yard".to_owned(), ..Scene::default() };
+    scene.add(shapes::floor(8.0), DAffine3::IDENTITY);
+    for corner in [DVec3::new(-7.0, 0.0, -7.0), DVec3::new(6.0, 0.0, 6.0)] {
+        scene.add(shapes::cuboid(corner, corner + DVec3::new(1.0, 3.0, 1.0)), DAffine3::IDENTITY);
+    }
+    let low = DVec3::new(x, 0.5, 0.0);
+    scene.add(shapes::cuboid(low, low + DVec3::splat(0.5)), DAffine3::IDENTITY);
+    scene.camera = Some(Camera {
+        eye: DVec3::new(0.0, 9.0, 9.0),
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        fov_y: 1.2,
+        near: 0.1,
+    });
+    scene
+}
+
+#[test]
+fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
+    let gpu = gpu();
+    let light = Light::sun(1.0, 0.4, 0.0);
+    let config = ResolutionMatched { page: 16, ..of_size(1024) };
+    let mut technique = built(&gpu, &config);
+    let (first, second) = (stage(&gpu, &yard(0.0), 128), stage(&gpu, &yard(0.3), 128));
+    let fresh = shoot(&gpu, &first, &light, &mut technique);
+    let counters = &fresh.counters;
+    let used = counters["pages_in_use"];
+    assert!(used > 20, "{used} pages");
+    assert_eq!((counters["pages_rendered"], counters["pages_reused"]), (used, 0), "at first");
+    assert_eq!(counters["pages_requested"], used, "no page that no sample asks for");
+
+    let still = shoot(&gpu, &first, &light, &mut technique);
+    assert_eq!(still.counters["pages_rendered"], 0, "a still frame");
+    assert_eq!(
+        (still.counters["pages_reused"], still.counters["page_triangles"]),
+        (used, 0),
+        "still"
+    );
+    assert_eq!(still.visibility, fresh.visibility, "the same picture");
+
+    let moved = shoot(&gpu, &second, &light, &mut technique);
+    let drawn = moved.counters["pages_rendered"];
+    assert!(drawn > 0 && 2 * drawn < moved.counters["pages_in_use"], "{drawn} pages are touched");
+    let alone = shoot(&gpu, &second, &light, &mut built(&gpu, &config));
+    assert_eq!(moved.visibility, alone.visibility, "as if nothing had been kept");
+    assert_ne!(moved.visibility, fresh.visibility, "the shadow moves");
+
+    let turned = shoot(&gpu, &second, &Light::sun(1.0, 0.5, 0.0), &mut technique);
+    let drawn = turned.counters["pages_rendered"];
+    assert_eq!(drawn, turned.counters["pages_in_use"], "under another light all is drawn");
+    assert_eq!(turned.counters["pages_reused"], 0, "and nothing kept");
+    // And back: pages of a window that is no longer kept are not taken for its own.
+    let back = shoot(&gpu, &first, &light, &mut technique);
+    assert_eq!(back.visibility, fresh.visibility, "back");
+}
+
+/// The window as the technique fits it.
+fn window(stage: &Stage, light: &Light, map: &Virtual) -> DMat4 {
+    use antumbra_gpu::Casters as _;
+    let frame = stage.frame(light);
+    let (mut hull, mut receivers, mut boxes) = (Vec::new(), Vec::<Bounds>::new(), Vec::new());
+    stage.meshes.hull(light, &mut |p| hull.push(p));
+    stage.meshes.receivers(&mut |b| receivers.push(b));
+    stage.meshes.boxes(light, &mut |b| boxes.push(b));
+    let camera = frame.camera.expect("a camera");
+    let region = VisibleRegion::new(&camera, &receivers, frame.origin).expect("something is seen");
+    let sight = Sight { region: &region, casters: &boxes };
+    let size = map.page * map.table;
+    let fitting = Fitting { origin: frame.origin, size, guard: 2, receivers: false };
+    let views = fit_seen(light, &hull, Some(&sight), &fitting).expect("a valid light");
+    views[0].view.clip.expect("casters")
+}
+
+/// What the samples of a stage ask for: surely, and perhaps.
+fn asked(stage: &Stage, light: &Light, map: &Virtual) -> [BTreeSet<Page>; 2] {
+    let clip = window(stage, light, map);
+    let camera = stage.frame(light).camera.expect("a camera");
+    let pixels = [stage.image.width, stage.image.height];
+    let [mut surely, mut perhaps] = [BTreeSet::new(), BTreeSet::new()];
+    for sample in stage.view_samples() {
+        if sample.normal == Vec3::ZERO {
+            continue;
+        }
+        let (p, n) = (sample.position.as_dvec3(), sample.normal.as_dvec3());
+        let world = p + stage.triangles.origin;
+        let to_light = light.towards(world, DVec2::splat(0.5)).normalize();
+        let facing = n.dot(to_light);
+        let c = clip * p.extend(1.0);
+        let ndc = DVec2::new(c.x, c.y) / c.w;
+        let st = DVec2::new(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y);
+        let outside = |by: f64| c.w <= 0.0 || ndc.abs().max_element() > 1.0 + by;
+        if facing <= -1e-6 || outside(1e-6) {
+            continue;
+        }
+        let texels = map.texels_of_pixel(&clip, &camera, pixels, (p, n));
+        // f32 knows the ratio of areas to some 1e-4, and places to 1e-6 of the window: less than a tenth of a texel.
+        let mut all = BTreeSet::new();
+        for by in [-1e-3, 0.0, 1e-3] {
+            let level = map.level(texels * (1.0 + by));
+            for [x, y] in [[-1e-6, -1e-6], [1e-6, -1e-6], [-1e-6, 1e-6], [1e-6, 1e-6]] {
+                all.insert(
+                    map.page_of((st + DVec2::new(x, y)).clamp(DVec2::ZERO, DVec2::ONE), level),
+                );
+            }
+        }
+        if all.len() == 1 && facing > 1e-6 && !outside(-1e-6) {
+            surely.extend(&all);
+        }
+        perhaps.extend(all);
+    }
+    [surely, perhaps]
+}
+
+#[test]
+fn pages_are_those_that_the_twin_asks_for() {
+    let gpu = gpu();
+    for name in ["street", "cube", "hall"] {
+        let scene = generate::by_name(name).expect("a scene");
+        let stage = stage(&gpu, &scene, 128);
+        for kind in [LightKind::Directional, LightKind::Spot] {
+            let light = scene.light_or_placed(kind);
+            for rule in [1.0, 4.0] {
+                let config =
+                    ResolutionMatched { page: 16, texels_per_pixel: rule, ..of_size(1024) };
+                let map = config.layout().expect("a valid config");
+                let mut technique = built(&gpu, &config);
+                let shot = shoot(&gpu, &stage, &light, &mut technique);
+                let found: BTreeSet<Page> =
+                    technique.read_requests(&gpu).expect("read back").into_iter().collect();
+                let [surely, perhaps] = asked(&stage, &light, &map);
+                let missing = surely.difference(&found).count();
+                let more = found.difference(&perhaps).count();
+                assert_eq!((missing, more), (0, 0), "{name}, {kind:?}: of {} pages", found.len());
+                assert!(surely.len() > 3, "{name}, {kind:?}: {} say little", surely.len());
+                assert_eq!(shot.counters["pages_requested"], found.len() as u64, "the count");
+                let (by, used) = map.fitting(&found);
+                assert_eq!(shot.counters["levels_clamped"], u64::from(by), "levels");
+                assert_eq!(shot.counters["pages_in_use"], used.len() as u64, "pages in use");
+                // The control: what another rule asks for is something else.
+                let other = Virtual { rule: 4.0 * rule, ..map };
+                assert!(asked(&stage, &light, &other)[0] != surely, "{name}: another rule");
+            }
+        }
+    }
+}
+
+#[test]
+fn pages_of_the_finest_level_are_the_plain_map_of_its_size() {
+    let gpu = gpu();
+    for name in ["street", "tree", "fence"] {
+        let scene = generate::by_name(name).expect("a scene");
+        let mut stage = stage(&gpu, &scene, 128);
+        // All samples ask for the finest level.
+        stage.set_camera(None);
+        for kind in [LightKind::Directional, LightKind::Spot] {
+            let light = scene.light_or_placed(kind);
+            // 32 x 32 pages of 32 x 32 texels, all of which the atlas holds.
+            let config = ResolutionMatched { page: 32, table: 32, ..of_size(1024) };
+            let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
+            assert_eq!(shot.counters["pages_clamped"], 0, "{name}, {kind:?}: all fit");
+            let map = MapConfig { size: 1024, ..MapConfig::default() };
+            let mut plain =
+                MapTechnique::new(&gpu, &map, Estimator::nearest()).expect("a valid config");
+            let plain = stage.shoot(&gpu, &light, &mut plain, 0).expect("a shot").visibility;
+            let differ = shot.visibility.iter().zip(&plain).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "{name}, {kind:?}");
+        }
+    }
+}
+
+#[test]
+fn memory_that_does_not_suffice_makes_pages_coarser_and_more_of_it_changes_nothing() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let stage = stage(&gpu, &scene, 128);
+    let light = scene.light_or_placed(LightKind::Directional);
+    // Pages of 16 x 16 texels whatever the atlas.
+    let shot = |size, texels_per_pixel| {
+        let config = ResolutionMatched { page: 16, texels_per_pixel, ..of_size(size) };
+        assert_eq!(config.layout().expect("a valid config").page, 16, "an atlas of {size}");
+        shoot(&gpu, &stage, &light, &mut built(&gpu, &config))
+    };
+    let [small, large] = [512, 1024].map(|size| shot(size, 4.0));
+    assert_eq!(small.counters["pages_clamped"], 0, "{:?}", small.counters);
+    assert_eq!(small.visibility, large.visibility, "more memory than it takes");
+
+    let [little, enough] = [256, 1024].map(|size| shot(size, 64.0));
+    assert_eq!(enough.counters["pages_clamped"], 0, "{:?}", enough.counters);
+    let counters = &little.counters;
+    assert!(counters["pages_in_use"] <= 256 && counters["levels_clamped"] > 0, "{counters:?}");
+    assert!(counters["pages_clamped"] > 256, "{counters:?}");
+    assert_eq!(counters["pages_requested"], enough.counters["pages_requested"], "as many asked");
+    for shot in [&little, &enough] {
+        let share = wrong(&stage, &light, &shot.visibility);
+        assert!(share <= 5e-3, "{share} of the samples are wrong");
+    }
+}
+
+#[test]
+fn pages_whose_lists_have_no_room_are_drawn_all_the_same() {
+    let gpu = gpu();
+    let scene = generate::by_name("tree").expect("a scene");
+    let stage = stage(&gpu, &scene, 64);
+    let light = scene.light_or_placed(LightKind::Directional);
+    let config = of_size(512);
+    let usual = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
+    assert_eq!(usual.counters["pages_without_list"], 0, "room for all");
+    for room in [1, 300] {
+        let mut technique = built(&gpu, &config).with_room(room);
+        let shot = shoot(&gpu, &stage, &light, &mut technique);
+        assert!(shot.counters["pages_without_list"] > 0, "room for {room} pairs");
+        assert_eq!(shot.visibility, usual.visibility, "room for {room} pairs");
+    }
+}
+
+#[test]
+fn without_casters_all_is_lit_and_no_page_is_made() {
+    let gpu = gpu();
+    let scene = generate::grazing_plane(0.0);
+    let stage = stage(&gpu, &scene, 16);
+    for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
+        let light = generate::cube_on_floor().place_light(kind);
+        let mut technique = built(&gpu, &of_size(1024));
+        let shot = shoot(&gpu, &stage, &light, &mut technique);
+        assert!(shot.visibility.iter().all(|v| *v == 1.0), "{kind:?}: not all lit");
+        assert_eq!((shot.counters["map_draws"], shot.counters["map_passes"]), (0, 0), "{kind:?}");
+        // Six matrices, at most 256 bytes apart, and the setup.
+        assert!(shot.bytes <= 7 * 256 + 1024, "{kind:?}: {} bytes", shot.bytes);
+    }
+}
+
+#[test]
+fn unusable_settings_are_refused_with_a_fix() {
+    let gpu = gpu();
+    let usual = ResolutionMatched::default();
+    for config in [
+        ResolutionMatched { page: 0, ..usual },
+        ResolutionMatched { page: 96, ..usual },
+        ResolutionMatched { page: 2048, ..usual },
+        ResolutionMatched { table: 0, ..usual },
+        ResolutionMatched { table: 100, ..usual },
+        ResolutionMatched { table: 512, ..usual },
+        ResolutionMatched { texels_per_pixel: 0.0, ..usual },
+        ResolutionMatched { texels_per_pixel: f32::NAN, ..usual },
+        ResolutionMatched { texels_per_pixel: 65.0, ..usual },
+    ] {
+        let refused = config.build(&gpu).map(|_| ());
+        assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{config:?}: {refused:?}");
+    }
+    assert_eq!(gpu.check(), Ok(()), "nothing reached wgpu");
+}
+
+/// At sizes at which the tests of all techniques do not try it.
+#[test]
+fn hard_cases_are_as_expected() {
+    let gpu = gpu();
+    let mut surprises = Vec::new();
+    for size in [128, 512] {
+        let config = of_size(size);
+        for case in CASES {
+            let mut technique = config.build(&gpu).expect("a valid config");
+            let measured = case.measure(&gpu, technique.as_mut(), size);
+            let expected = config.expectation(case.name);
+            let met = match (&measured, expected) {
+                (Ok(number), Some(expected)) => expected.is_met_by(*number),
+                _ => false,
+            };
+            if !met {
+                surprises.push(format!("{} at {size}: {measured:?}, not {expected:?}", case.name));
+            }
+        }
+    }
+    assert!(surprises.is_empty(), "not as expected:\n{}", surprises.join("\n"));
+}
