@@ -9,7 +9,7 @@ use antumbra_filter::PcfGrid;
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions};
-use antumbra_scene::{Light, generate};
+use antumbra_scene::{Light, Scene, generate};
 use antumbra_soft::{BackProjection, Bitmask, Occluders, Pcss, Samples, Window};
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
@@ -174,6 +174,7 @@ fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
     let config =
         Config::BackProjection(BackProjection { map: map(128), window: window(true, true) });
     let found = shots(&gpu, &config, pairs());
+    let mut looked_at = [0, 0];
     for (((_, counts), (_, all)), light) in
         found.iter().zip(shots(&gpu, &without[2], pairs())).zip(&all)
     {
@@ -183,10 +184,14 @@ fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
         assert!(counts["samples_penumbra"] >= penumbra / 2, "the penumbra is evaluated");
         assert!(
             counts["samples_penumbra"] < all["samples_penumbra"]
-                && 2 * counts["occluders"] < all["occluders"],
+                && counts["occluders"] < all["occluders"],
             "and little else: {counts:?}, {all:?}"
         );
+        looked_at[0] += counts["occluders"];
+        looked_at[1] += all["occluders"];
     }
+    // A sun's windows grow with the depth range and not beyond it: there the pyramid saves least.
+    assert!(2 * looked_at[0] < looked_at[1], "occluders looked at: {looked_at:?}");
 }
 
 #[test]
@@ -291,5 +296,29 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
             // Leaves and twigs about as wide as a texel: quads lose them, and the more so the less is kept.
             assert!(closed < patches && tris < exact, "{errors:?}");
         }
+    }
+}
+
+#[test]
+fn empty_texels_hide_no_wide_sun_from_receivers_beyond_the_maps_end() {
+    let gpu = gpu();
+    // A ball high above the floor: the map ends with it.
+    let mut scene = Scene { name: "ball".to_owned(), ..Scene::default() };
+    scene.add(generate::shapes::floor(8.0), DAffine3::IDENTITY);
+    let ball = generate::shapes::icosphere(3, 0.5);
+    scene.add(ball, DAffine3::from_translation(DVec3::Y * 3.0));
+    let stage = seen(&gpu, &scene, 64);
+    let light = Light::Directional {
+        direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
+        angular_diameter: 0.15,
+    };
+    let truth = stage.truth(&light, &TruthOptions { light_samples: 64, ..TruthOptions::default() });
+    for config in techniques(256, Window::default()) {
+        let found = shoot(&gpu, &stage, &light, &config);
+        let dark = (0..found.len())
+            .filter(|i| truth.class[*i] == SampleClass::Counted && truth.visibility[*i] == 1.0)
+            .filter(|i| found[*i] < 0.5)
+            .count();
+        assert_eq!(dark, 0, "lit samples are dark by {config:?}");
     }
 }

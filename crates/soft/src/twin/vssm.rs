@@ -152,7 +152,8 @@ impl<'a> Table<'a> {
         if found.hidden < 1e-4 {
             return 1.0;
         }
-        let depth = self.to_depth(found.depth / found.hidden + 0.5);
+        let linear = (found.depth / found.hidden + 0.5).max(self.of_depth(nearest));
+        let depth = self.to_depth(linear);
         1.0 - through(depth.clamp(light.depth, nearest)).hidden
     }
 
