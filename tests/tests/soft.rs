@@ -9,8 +9,11 @@ use antumbra_filter::PcfGrid;
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions};
+use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
 use antumbra_scene::{Light, Scene, generate};
-use antumbra_soft::{BackProjection, Bitmask, Occluders, Pcss, Samples, Window};
+use antumbra_soft::{
+    BackProjection, Bitmask, Occluders, OcclusionTextures, Pcss, Samples, Vssm, Window,
+};
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
 use glam::{DAffine3, DVec3};
@@ -320,5 +323,45 @@ fn empty_texels_hide_no_wide_sun_from_receivers_beyond_the_maps_end() {
             .filter(|i| found[*i] < 0.5)
             .count();
         assert_eq!(dark, 0, "lit samples are dark by {config:?}");
+    }
+}
+
+#[test]
+fn soft_shadows_run_over_cascades_hard_and_wide() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 48);
+    let all = [0.0, 0.1].map(|angular_diameter| Light::Directional {
+        direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
+        angular_diameter,
+    });
+    let error = |found: &[f32], light: &Light| {
+        let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
+        let truth = stage.truth(light, &options);
+        let counted = (0..found.len()).filter(|i| truth.class[*i] == SampleClass::Counted);
+        let off = counted.map(|i| f64::from((found[i] - truth.visibility[i]).abs()));
+        off.sum::<f64>() / found.len() as f64
+    };
+    let mut configs = techniques(128, Window::default());
+    configs.push(Config::Vssm(Vssm { map: map(128), ..Vssm::default() }));
+    configs.push(Config::OcclusionTextures(OcclusionTextures {
+        map: map(128),
+        ..OcclusionTextures::default()
+    }));
+    for of in configs {
+        let over = Config::Cascades(Cascades {
+            of: Box::new(of.clone()),
+            count: 4,
+            splits: Splits::default(),
+            select: Select::Map,
+            blend: 0.1,
+            fit: CascadeFit::Steady,
+        });
+        for light in &all {
+            let (single, cascaded) =
+                (shoot(&gpu, &stage, light, &of), shoot(&gpu, &stage, light, &over));
+            let (single, cascaded) = (error(&single, light), error(&cascaded, light));
+            // Windows end with their cascade, and of what lies beyond nothing is known.
+            assert!(cascaded < single + 0.02, "{of:?} under {light:?}: {cascaded}, {single}");
+        }
     }
 }
