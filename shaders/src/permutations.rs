@@ -129,6 +129,16 @@ pub fn permutations() -> Vec<Permutation> {
             slots,
         });
     }
+    for layout in ["soft::layout_sides", "soft::layout_turned", "map::layout_single"] {
+        for (name, mut slots) in occlusion_textures() {
+            slots.push(module("layout", layout));
+            all.push(Permutation {
+                name: format!("map-resolve-occlusion-textures-{name}-{}", file_name(layout)),
+                root: "map::resolve",
+                slots,
+            });
+        }
+    }
     for (name, below) in [("map", "soft::below_map"), ("level", "soft::below_level")] {
         all.push(Permutation {
             name: format!("soft-pyramid-from-{name}"),
@@ -197,7 +207,19 @@ fn blurs() -> Vec<Permutation> {
 
 /// Passes that make summed-area tables: along rows of encoded texels, and along columns of what came of these.
 fn tables() -> Vec<Permutation> {
-    [
+    let covered = Permutation {
+        name: "gpu-sat-covered".to_owned(),
+        root: "gpu::sat",
+        slots: vec![
+            module("texel", "soft::covered"),
+            module("numbers", "gpu::sat_fixed"),
+            module("summand", "gpu::sat_encoded"),
+            source("target", table_target("r32uint")),
+            source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
+            source("sat_config", "const SCALE: f32 = 1.0;"),
+        ],
+    };
+    let moments = [
         ("fixed-rows", "gpu::sat_encoded", "gpu::sat_fixed", "rg32uint"),
         ("fixed-columns", "gpu::sat_stored", "gpu::sat_fixed", "rg32uint"),
         ("float-rows", "gpu::sat_encoded", "gpu::sat_float", "rg32float"),
@@ -215,8 +237,8 @@ fn tables() -> Vec<Permutation> {
             source("axis_config", "const AXIS: vec2i = vec2i(1, 0);"),
             source("sat_config", "const SCALE: f32 = 8388607.0;"),
         ],
-    })
-    .into()
+    });
+    moments.into_iter().chain([covered]).collect()
 }
 
 /// Passes that make mipmaps and N-buffers.
@@ -418,7 +440,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         );
         let mut slots = vec![
             module("store", "common::depth_map"),
-            module("map::shadow", "soft::shadow"),
+            module("map::through", "soft::through"),
             module("estimator", estimator),
             source("config", constants),
         ];
@@ -429,7 +451,52 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         }
         (name, slots)
     })
-    .into()
+    .into_iter()
+    .chain([vssm(true), vssm(false)])
+    .collect()
+}
+
+/// Variance soft shadows, with and without a pyramid and a tally.
+fn vssm(full: bool) -> (&'static str, Vec<Slot>) {
+    let constants = format!(
+        "const HIERARCHY: bool = {full};\nconst UMBRA: bool = {full};\nconst BUDGET: i32 = 64;\n\
+         const PARTS: i32 = 4;\nconst STRIPS: i32 = 8;\nconst LEAST_VARIANCE: f32 = 1e-6;\n\
+         const SCALE: f32 = 16383.0;\nconst MOST: f32 = 511.0;\nconst ROUNDING: f32 = 1e-4;\n"
+    );
+    let mut slots = vec![
+        module("store", "soft::table_map"),
+        module("map::through", "soft::through"),
+        module("estimator", "soft::vssm"),
+        source("config", constants),
+    ];
+    if !full {
+        slots.push(module("soft::bounds", "soft::no_bounds"));
+        slots.push(module("soft::tally", "soft::no_tally"));
+    }
+    (if full { "vssm" } else { "vssm-no-pyramid" }, slots)
+}
+
+/// Occlusion textures, which look up by themselves: by a table, an N-buffer and a mipmap.
+fn occlusion_textures() -> Vec<(&'static str, Vec<Slot>)> {
+    let constants = "const SLICES: i32 = 8;\nconst STRIPS: i32 = 8;\nconst FUSION: i32 = 0;\n";
+    let all = |store, prefilter| {
+        vec![
+            module("map::through", "soft::occlusion"),
+            source("config", constants),
+            module("store", store),
+            module("prefilter", prefilter),
+        ]
+    };
+    let levels = |square| {
+        let mut slots = all("soft::slice_levels", "soft::covered_levels");
+        slots.push(module("level_mean", square));
+        slots
+    };
+    vec![
+        ("table", all("soft::slice_table", "soft::covered_table")),
+        ("n-buffer", levels("soft::square_nbuffer")),
+        ("mip", levels("soft::square_mip")),
+    ]
 }
 
 /// The integer kernel of `side` texels (3, 5 or 7) of Castano 2013.

@@ -1,22 +1,22 @@
 //! Soft shadows from maps: hard where the light has no extent, exact behind one plate, finite always, and each
 //! technique's own faults.
 
+#[path = "shared/area.rs"]
+mod area;
+
 use antumbra::Config;
 use antumbra_filter::PcfGrid;
-use antumbra_gpu::{Counters, Gpu};
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
-use antumbra_reference::closed::{self, Occluder};
-use antumbra_reference::penumbra_width;
-use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
+use antumbra_reference::{SampleClass, TruthOptions};
+use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
 use antumbra_scene::{Light, Scene, generate};
-use antumbra_soft::{BackProjection, Bitmask, Occluders, Pcss, Samples, Window};
+use antumbra_soft::{
+    BackProjection, Bitmask, Occluders, OcclusionTextures, Pcss, Samples, Vssm, Window,
+};
 use antumbra_tests::gpu;
-use glam::{DAffine3, DVec3, Vec3};
-
-fn map(size: u32) -> MapConfig {
-    MapConfig { size, ..MapConfig::default() }
-}
+use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
+use glam::{DAffine3, DVec3};
 
 /// Every technique, at its defaults and at its most exact.
 fn techniques(size: u32, window: Window) -> Vec<Config> {
@@ -32,63 +32,6 @@ fn techniques(size: u32, window: Window) -> Vec<Config> {
         mask(Occluders::ExactMicroquad, Samples::S1024),
         mask(Occluders::Microtri, Samples::S256),
     ]
-}
-
-fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, config: &Config) -> Vec<f32> {
-    let mut technique = config.build(gpu).expect("a valid config");
-    stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot").visibility
-}
-
-/// As [`shoot`], again and again by one technique, with its counters.
-fn shots<'a>(
-    gpu: &Gpu,
-    config: &Config,
-    all: impl IntoIterator<Item = (&'a Stage, &'a Light)>,
-) -> Vec<(Vec<f32>, Counters)> {
-    let mut technique = config.build(gpu).expect("a valid config");
-    let mut shot = |(stage, light): (&Stage, &Light)| {
-        let shot = stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot");
-        (shot.visibility, shot.counters)
-    };
-    all.into_iter().map(&mut shot).collect()
-}
-
-/// Lights of each kind that may have an extent, of half size `half`, above the origin.
-fn lights(half: f64) -> Vec<Light> {
-    let center = DVec3::new(0.4, 5.0, -0.3);
-    let tilt = DVec3::new(0.2, 0.1, 1.0).normalize();
-    let across = DVec3::new(1.0, 0.0, -0.2).normalize();
-    vec![
-        Light::Directional {
-            direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
-            angular_diameter: 2.0 * (half / 5.0).atan(),
-        },
-        Light::Sphere { center, radius: half },
-        Light::Rect {
-            center,
-            half_u: across * half,
-            half_v: across.cross(tilt).cross(across) * half,
-        },
-        Light::Rect { center, half_u: DVec3::X * half, half_v: DVec3::Z * half },
-        Light::Disc { center, radius: half, axis_u: DVec3::X, axis_v: DVec3::Z },
-    ]
-}
-
-/// A box, a ball and a sheet above a floor.
-fn bodies() -> Scene {
-    let mut scene = Scene { name: "bodies".to_owned(), ..Scene::default() };
-    scene.add(generate::shapes::floor(5.0), DAffine3::IDENTITY);
-    let cuboid = generate::shapes::cuboid(DVec3::new(-1.5, 0.0, -0.5), DVec3::new(-0.5, 1.0, 0.5));
-    scene.add(cuboid, DAffine3::IDENTITY);
-    let ball = generate::shapes::icosphere(3, 0.5);
-    scene.add(ball, DAffine3::from_translation(DVec3::new(1.0, 1.2, 0.5)));
-    let sheet = generate::shapes::quad(DVec3::new(0.0, 2.0, 0.0), DVec3::X * 0.6, DVec3::Z * 0.3);
-    scene.add(sheet, DAffine3::IDENTITY);
-    scene
-}
-
-fn seen(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
-    Stage::new(gpu, scene, scene.camera_or_framing(), side, side).expect("a stage")
 }
 
 #[test]
@@ -116,47 +59,6 @@ fn a_light_without_an_extent_gives_the_plain_maps_bits() {
         // The control: an extent shows.
         let soft = shoot(&gpu, &stage, &lights(0.5)[1], &config);
         assert!(soft.iter().any(|v| *v > 0.0 && *v < 1.0), "{config:?} has no penumbra");
-    }
-}
-
-/// A plate over a floor, and samples on a line across one edge of its shadow.
-struct Plate {
-    stage: Stage,
-    along: Vec<f64>,
-    truth: Vec<f32>,
-    light: Light,
-}
-
-/// A plate x in [-2, 0], |z| <= 2 at `height` under `light`.
-fn plate(gpu: &Gpu, light: Light, height: f64) -> Plate {
-    let center = DVec3::new(-1.0, height, 0.0);
-    let (half_u, half_v) = (DVec3::Z * 2.0, DVec3::X);
-    let mut scene = Scene { name: "plate".to_owned(), ..Scene::default() };
-    scene.add(generate::shapes::floor(4.0), DAffine3::IDENTITY);
-    scene.add(generate::shapes::quad(center, half_u, half_v), DAffine3::IDENTITY);
-    let occluder = Occluder::rectangle(center, half_u, half_v);
-    let along: Vec<f64> = (0..256).map(|i| -1.2 + f64::from(i) * 2.4 / 255.0).collect();
-    let origin = scene.origin();
-    let mut samples = Vec::new();
-    let mut truth = Vec::new();
-    for (i, x) in along.iter().enumerate() {
-        let p = DVec3::new(*x, 0.0, 0.013 * (i % 7) as f64);
-        let position = (p - origin).as_vec3();
-        samples.push(ViewSample { position, normal: Vec3::Y });
-        truth.push(closed::visibility(&occluder, &light, position.as_dvec3() + origin) as f32);
-    }
-    let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
-    Plate { stage, along, truth, light }
-}
-
-impl Plate {
-    /// Root of the mean square error, and relative error of the penumbra's width.
-    fn errors(&self, gpu: &Gpu, config: &Config) -> (f64, f64) {
-        let found = &shoot(gpu, &self.stage, &self.light, config)[..self.along.len()];
-        let square = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
-        let sum: f64 = found.iter().zip(&self.truth).map(square).sum();
-        let width = |v: &[f32]| penumbra_width(&self.along, v).expect("a penumbra");
-        ((sum / self.along.len() as f64).sqrt(), width(found) / width(&self.truth) - 1.0)
     }
 }
 
@@ -200,24 +102,6 @@ fn behind_one_plate_all_are_the_closed_form() {
         let (rmse, _) = plate.errors(&gpu, &fixed);
         assert!(rmse > 0.05, "a fixed kernel under {light:?}: RMSE {rmse}");
     }
-}
-
-/// Sheets that are endless in z, of x in the given ranges at the given depths below a square light of half size 1, and the
-/// point (x, 0) on a floor at the depth 10.
-fn below_a_square_light(gpu: &Gpu, sheets: &[(f64, f64, f64)], x: f64, config: &Config) -> f32 {
-    let mut scene = Scene { name: "sheets".to_owned(), ..Scene::default() };
-    let floor = generate::shapes::quad(DVec3::Y * -10.0, DVec3::Z * 60.0, DVec3::X * 60.0);
-    scene.add(floor, DAffine3::IDENTITY);
-    for (from, to, depth) in sheets {
-        let center = DVec3::new(0.5 * (from + to), -depth, 0.0);
-        let half = DVec3::X * 0.5 * (to - from);
-        scene.add(generate::shapes::quad(center, DVec3::Z * 50.0, half), DAffine3::IDENTITY);
-    }
-    let position = (DVec3::new(x, -10.0, 0.0) - scene.origin()).as_vec3();
-    let samples = [ViewSample { position, normal: Vec3::Y }];
-    let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
-    let light = Light::Rect { center: DVec3::ZERO, half_u: DVec3::X, half_v: DVec3::Z };
-    shoot(gpu, &stage, &light, config)[0]
 }
 
 #[test]
@@ -349,6 +233,7 @@ fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
     let config =
         Config::BackProjection(BackProjection { map: map(128), window: window(true, true) });
     let found = shots(&gpu, &config, pairs());
+    let mut looked_at = [0, 0];
     for (((_, counts), (_, all)), light) in
         found.iter().zip(shots(&gpu, &without[2], pairs())).zip(&all)
     {
@@ -358,10 +243,14 @@ fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
         assert!(counts["samples_penumbra"] >= penumbra / 2, "the penumbra is evaluated");
         assert!(
             counts["samples_penumbra"] < all["samples_penumbra"]
-                && 2 * counts["occluders"] < all["occluders"],
+                && counts["occluders"] < all["occluders"],
             "and little else: {counts:?}, {all:?}"
         );
+        looked_at[0] += counts["occluders"];
+        looked_at[1] += all["occluders"];
     }
+    // A sun's windows grow with the depth range and not beyond it: there the pyramid saves least.
+    assert!(2 * looked_at[0] < looked_at[1], "occluders looked at: {looked_at:?}");
 }
 
 #[test]
@@ -465,6 +354,70 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
         } else {
             // Leaves and twigs about as wide as a texel: quads lose them, and the more so the less is kept.
             assert!(closed < patches && tris < exact, "{errors:?}");
+        }
+    }
+}
+
+#[test]
+fn empty_texels_hide_no_wide_sun_from_receivers_beyond_the_maps_end() {
+    let gpu = gpu();
+    // A ball high above the floor: the map ends with it.
+    let mut scene = Scene { name: "ball".to_owned(), ..Scene::default() };
+    scene.add(generate::shapes::floor(8.0), DAffine3::IDENTITY);
+    let ball = generate::shapes::icosphere(3, 0.5);
+    scene.add(ball, DAffine3::from_translation(DVec3::Y * 3.0));
+    let stage = seen(&gpu, &scene, 64);
+    let light = Light::Directional {
+        direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
+        angular_diameter: 0.15,
+    };
+    let truth = stage.truth(&light, &TruthOptions { light_samples: 64, ..TruthOptions::default() });
+    for config in techniques(256, Window::default()) {
+        let found = shoot(&gpu, &stage, &light, &config);
+        let dark = (0..found.len())
+            .filter(|i| truth.class[*i] == SampleClass::Counted && truth.visibility[*i] == 1.0)
+            .filter(|i| found[*i] < 0.5)
+            .count();
+        assert_eq!(dark, 0, "lit samples are dark by {config:?}");
+    }
+}
+
+#[test]
+fn soft_shadows_run_over_cascades_hard_and_wide() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 48);
+    let all = [0.0, 0.1].map(|angular_diameter| Light::Directional {
+        direction: DVec3::new(0.3, -1.0, 0.2).normalize(),
+        angular_diameter,
+    });
+    let error = |found: &[f32], light: &Light| {
+        let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
+        let truth = stage.truth(light, &options);
+        let counted = (0..found.len()).filter(|i| truth.class[*i] == SampleClass::Counted);
+        let off = counted.map(|i| f64::from((found[i] - truth.visibility[i]).abs()));
+        off.sum::<f64>() / found.len() as f64
+    };
+    let mut configs = techniques(128, Window::default());
+    configs.push(Config::Vssm(Vssm { map: map(128), ..Vssm::default() }));
+    configs.push(Config::OcclusionTextures(OcclusionTextures {
+        map: map(128),
+        ..OcclusionTextures::default()
+    }));
+    for of in configs {
+        let over = Config::Cascades(Cascades {
+            of: Box::new(of.clone()),
+            count: 4,
+            splits: Splits::default(),
+            select: Select::Map,
+            blend: 0.1,
+            fit: CascadeFit::Steady,
+        });
+        for light in &all {
+            let (single, cascaded) =
+                (shoot(&gpu, &stage, light, &of), shoot(&gpu, &stage, light, &over));
+            let (single, cascaded) = (error(&single, light), error(&cascaded, light));
+            // Windows end with their cascade, and of what lies beyond nothing is known.
+            assert!(cascaded < single + 0.02, "{of:?} under {light:?}: {cascaded}, {single}");
         }
     }
 }

@@ -220,6 +220,12 @@ techniques! {
     #[cfg(feature = "soft")]
     /// Texels projected back onto the light, as bits for its samples.
     Bitmask(antumbra_soft::Bitmask) = "soft/bitmask",
+    #[cfg(feature = "soft")]
+    /// Percentage-closer soft shadows from two moments of depth.
+    Vssm(antumbra_soft::Vssm) = "soft/vssm",
+    #[cfg(feature = "soft")]
+    /// Slices of the casters, each blurred as its distance asks.
+    OcclusionTextures(antumbra_soft::OcclusionTextures) = "soft/occlusion-textures",
     #[cfg(feature = "volume")]
     /// Each triangle's shadow volume asked whether it contains the sample.
     VolumeTriangle(antumbra_volume::Triangle) = "volume/triangle",

@@ -1,7 +1,7 @@
-//! Soft shadows of area lights from what the light's centre sees: percentage-closer soft shadows, back projection and
-//! occlusion bitmasks.
+//! Soft shadows of area lights from what the light's centre sees: percentage-closer soft shadows, by taps and by moments,
+//! back projection and occlusion bitmasks; and from images of slices of the casters: occlusion textures.
 //!
-//! All of them ask one question: which texels of the map lie between a receiver and the light. An occluder at the
+//! The former ask one question: which texels of the map lie between a receiver and the light. An occluder at the
 //! distance z from the light's plane does so within a window of half size `h (1/z - 1/z_p)`, in slopes, around a receiver
 //! at z_p with a light of half size h. That formula is in `soft/area.wesl`, once, and its twin in [`twin::View`];
 //! `soft/search.wesl` finds the window, and the techniques differ in what they make of the texels in it.
@@ -14,13 +14,19 @@ mod back_projection;
 mod bitmask;
 mod expectation;
 mod facing;
+mod occlusion;
+mod offset;
 mod pcss;
+mod slices;
 mod store;
 pub mod twin;
+mod vssm;
 mod window;
 
 pub use back_projection::BackProjection;
 pub use bitmask::{Bitmask, Occluders, Samples};
 pub use facing::Facing;
+pub use occlusion::{Fusion, OcclusionTextures, Placement, Prefilter};
 pub use pcss::Pcss;
+pub use vssm::Vssm;
 pub use window::Window;

@@ -1,7 +1,8 @@
 //! What soft shadows read beside the map: the light, and a pyramid of depths.
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Frame, Gpu, GpuError, Recorder, bind, entries, read_buffer,
+    BindGroupCache, Counters, Frame, Gpu, GpuError, LayerJob, Recorder, Sat, bind, entries,
+    read_buffer,
 };
 use antumbra_map::{ShadowMap, Store};
 use antumbra_scene::Light;
@@ -13,8 +14,8 @@ use crate::window::Window;
 
 const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
 
-/// Most views of a layout.
-const VIEWS: usize = 6;
+/// Most views of a layout that have a layer: a cube's, or those of cascades.
+pub(crate) const VIEWS: usize = 8;
 
 /// `AreaView` of `soft/area.wesl`.
 #[repr(C)]
@@ -32,7 +33,7 @@ struct AreaView {
 /// `AreaLight` of `soft/area.wesl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct AreaLight {
+pub(crate) struct AreaLight {
     axes: [[f32; 4]; 3],
     u: [f32; 4],
     v: [f32; 4],
@@ -66,7 +67,7 @@ impl AreaView {
 }
 
 impl AreaLight {
-    fn new(light: &Light, map: &ShadowMap) -> Self {
+    pub(crate) fn new(light: &Light, map: &ShadowMap) -> Self {
         let mut all: Self = bytemuck::Zeroable::zeroed();
         if light.is_hard() {
             return all;
@@ -84,7 +85,10 @@ impl AreaLight {
     }
 }
 
-/// The light and its views, the pyramid, and the tally, in bind group 2.
+/// What the bind group holds that may change: the pyramid and the table.
+type Bound = [Option<wgpu::TextureView>; 2];
+
+/// The light and its views, the pyramid, the tally, and a table of sums, in bind group 2.
 #[derive(Debug)]
 pub(crate) struct AreaStore {
     window: Window,
@@ -92,13 +96,73 @@ pub(crate) struct AreaStore {
     light: wgpu::Buffer,
     tally: wgpu::Buffer,
     pyramid: Pyramid,
-    group: BindGroupCache<Option<wgpu::TextureView>>,
+    table: Option<Table>,
+    group: BindGroupCache<Bound>,
     map: Option<wgpu::TextureView>,
     is_hard: bool,
 }
 
+/// A summed-area table of the map's linear depth.
+#[derive(Debug)]
+struct Table {
+    sat: Sat,
+    jobs: Vec<LayerJob>,
+    /// In its place where there is no map.
+    nothing: wgpu::TextureView,
+}
+
+impl Table {
+    fn new(gpu: &Gpu, sat: Sat) -> Result<Self, GpuError> {
+        let texture = gpu.create_texture(
+            "no table",
+            &wgpu::TextureDescriptor {
+                label: Some("no table"),
+                size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rg32Uint,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            },
+        )?;
+        let nothing = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        Ok(Self { sat, jobs: Vec::new(), nothing })
+    }
+
+    fn prepare(&mut self, gpu: &Gpu, map: &ShadowMap, is_hard: bool) -> Result<(), GpuError> {
+        self.jobs.clear();
+        let Some(view) = map.view().filter(|_| !is_hard) else { return Ok(()) };
+        self.jobs.extend(map.linear_depths().iter().enumerate().map(|(layer, linear)| LayerJob {
+            source: layer as u32,
+            parameters: [linear.coefficients.map(|c| c as f32), [0.0; 4]],
+        }));
+        self.sat.prepare(gpu, view, map.size(), &self.jobs)
+    }
+
+    fn view(&self) -> &wgpu::TextureView {
+        self.sat.view().unwrap_or(&self.nothing)
+    }
+
+    fn texels(&self) -> u64 {
+        if self.jobs.is_empty() { 0 } else { self.sat.texels() }
+    }
+}
+
 impl AreaStore {
     pub(crate) fn new(gpu: &Gpu, window: &Window) -> Result<Self, GpuError> {
+        Self::with_table(gpu, window, None)
+    }
+
+    /// With a table of integers of two channels of the map's linear depth, for binding 3.
+    pub(crate) fn with_table(
+        gpu: &Gpu,
+        window: &Window,
+        table: Option<Sat>,
+    ) -> Result<Self, GpuError> {
         window.validate()?;
         let mut all = vec![entries::storage(0, CS)];
         if window.hierarchy {
@@ -106,6 +170,9 @@ impl AreaStore {
         }
         if window.tally {
             all.push(entries::write_storage(2, CS));
+        }
+        if table.is_some() {
+            all.push(entries::unsigned_array(3, CS));
         }
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("area light"),
@@ -119,6 +186,7 @@ impl AreaStore {
             light: gpu.buffer("area light", &zeros, usage),
             tally: gpu.buffer("tally", &[0; 16], usage | wgpu::BufferUsages::COPY_SRC),
             pyramid: Pyramid::new(gpu)?,
+            table: table.map(|sat| Table::new(gpu, sat)).transpose()?,
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
@@ -139,9 +207,14 @@ impl Store for AreaStore {
             self.pyramid.prepare(gpu, map, self.is_hard)?;
         }
         let pyramid = self.pyramid.whole().filter(|_| self.window.hierarchy).cloned();
-        self.group.get(pyramid, |pyramid| {
+        if let Some(table) = &mut self.table {
+            table.prepare(gpu, map, self.is_hard)?;
+        }
+        let table = self.table.as_ref().map(|table| table.view().clone());
+        self.group.get([pyramid, table], |[pyramid, table]| {
             let mut all = vec![bind::buffer(0, &self.light)];
             all.extend(pyramid.as_ref().map(|view| bind::texture(1, view)));
+            all.extend(table.as_ref().map(|view| bind::texture(3, view)));
             if self.window.tally {
                 all.push(bind::buffer(2, &self.tally));
             }
@@ -164,6 +237,9 @@ impl Store for AreaStore {
         if self.window.hierarchy && !self.is_hard && self.map.is_some() {
             self.pyramid.encode(map, recorder);
         }
+        if let Some(table) = self.table.as_ref().filter(|table| !table.jobs.is_empty()) {
+            table.sat.encode(recorder, "soft/sum");
+        }
         Ok(())
     }
 
@@ -175,12 +251,17 @@ impl Store for AreaStore {
         self.group.kept()
     }
 
+    fn needs_receivers(&self) -> bool {
+        self.table.is_some()
+    }
+
     fn view(&self) -> Option<&wgpu::TextureView> {
         self.map.as_ref()
     }
 
     fn counters(&self) -> Counters {
-        let texels = if self.is_hard { 0 } else { self.pyramid.texels };
+        let pyramid = if self.is_hard { 0 } else { self.pyramid.texels };
+        let texels = pyramid + self.table.as_ref().map_or(0, Table::texels);
         Counters::from([("store_texels", texels)])
     }
 
@@ -196,7 +277,8 @@ impl Store for AreaStore {
     }
 
     fn bytes(&self) -> u64 {
-        self.light.size() + self.tally.size() + self.pyramid.bytes
+        let table = self.table.as_ref().map_or(0, |table| table.sat.bytes());
+        self.light.size() + self.tally.size() + self.pyramid.bytes + table
     }
 }
 

@@ -40,9 +40,21 @@ impl Window {
         Err(GpuError::Invalid { what, value: self.budget.to_string(), fix })
     }
 
-    /// The estimator in the module `path`, with the given further slots and constants.
+    /// The estimator in the module `path` over the depth map, with the given further slots and constants.
     pub(crate) fn estimator(
         &self,
+        path: &'static str,
+        slots: Vec<Slot>,
+        constants: &str,
+        fetches: u32,
+    ) -> Estimator {
+        self.estimator_over("common::depth_map", path, slots, constants, fetches)
+    }
+
+    /// As [`Window::estimator`], with the store in the module `store`, which has the depth map, too.
+    pub(crate) fn estimator_over(
+        &self,
+        store: &'static str,
         path: &'static str,
         slots: Vec<Slot>,
         constants: &str,
@@ -53,8 +65,8 @@ impl Window {
             self.hierarchy, self.umbra, self.budget,
         );
         let mut all = vec![
-            module("store", "common::depth_map"),
-            module("map::shadow", "soft::shadow"),
+            module("store", store),
+            module("map::through", "soft::through"),
             module("estimator", path),
             source("config", config),
         ];

@@ -2,7 +2,9 @@
 
 pub mod coverage;
 pub mod mask;
+pub mod occlusion;
 pub mod techniques;
+pub mod vssm;
 
 use antumbra_scene::Light;
 use glam::{DMat2, DMat4, DVec2, DVec3};

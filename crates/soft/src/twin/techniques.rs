@@ -291,7 +291,7 @@ impl Receiver {
     }
 
     /// `blocks` of `soft/area.wesl`.
-    fn blocks(&self, texel: IVec2, stored: f64) -> bool {
+    pub(super) fn blocks(&self, texel: IVec2, stored: f64) -> bool {
         stored > self.reference(texel) && stored > self.light.depth
     }
 }

@@ -1,0 +1,421 @@
+//! Casters in slices: an image of each, and its table of sums.
+
+use antumbra_gpu::{
+    Anchor, Beyond, BindGroupCache, BlurShader, Counters, Frame, Gpu, GpuError, LayerJob,
+    LightView, Pyramid, PyramidKind, Recorder, Sat, SatNumbers, SatShader, bind, entries,
+    light_view_layout,
+};
+use antumbra_map::{DepthConvention, ShadowMap, Store};
+use glam::{DMat4, DVec3, DVec4, Mat4};
+
+use crate::occlusion::{MAX_SLICES, OcclusionTextures, Prefilter};
+use crate::store::{AreaLight, VIEWS};
+use crate::twin::View;
+use crate::twin::occlusion::{fade_length, planes};
+
+const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
+
+/// `Slices` of `soft/occlusion.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+struct ViewSlices {
+    light: [f32; 4],
+    planes: [[f32; 4]; MAX_SLICES as usize],
+}
+
+/// One slice to draw.
+#[derive(Clone, Copy, Debug)]
+struct Slice {
+    clip: Mat4,
+    /// Half-spaces between its planes.
+    volume: [DVec4; 2],
+}
+
+/// Images and tables of slices, in bind groups 1 and 2; of a light without an extent a plain map.
+#[derive(Debug)]
+pub(crate) struct SliceStore {
+    config: OcclusionTextures,
+    layout: wgpu::BindGroupLayout,
+    light: wgpu::Buffer,
+    slices: wgpu::Buffer,
+    matrices: wgpu::Buffer,
+    matrix_group: wgpu::BindGroup,
+    stride: u32,
+    images: Option<Images>,
+    averages: Averages,
+    jobs: Vec<LayerJob>,
+    drawn: Vec<Slice>,
+    nothing: wgpu::TextureView,
+    group: BindGroupCache<wgpu::TextureView>,
+    is_hard: bool,
+    counters: Counters,
+}
+
+/// What averages the images.
+#[derive(Debug)]
+enum Averages {
+    Table(Box<Sat>),
+    Levels(Box<Pyramid>),
+}
+
+impl Averages {
+    fn new(gpu: &Gpu, prefilter: Prefilter) -> Result<Self, GpuError> {
+        const TEXEL: &str = "soft::covered";
+        let levels = |kind| -> Result<Self, GpuError> {
+            let shader = BlurShader {
+                texel: TEXEL,
+                mean: "gpu::mean::arithmetic",
+                slots: Vec::new(),
+                format: wgpu::TextureFormat::R32Float,
+            };
+            Ok(Self::Levels(Box::new(Pyramid::new(gpu, kind, &shader)?)))
+        };
+        match prefilter {
+            Prefilter::Table => {
+                let shader = SatShader {
+                    texel: TEXEL,
+                    slots: Vec::new(),
+                    channels: 1,
+                    numbers: SatNumbers::Fixed { bits: 1 },
+                };
+                Ok(Self::Table(Box::new(Sat::new(gpu, &shader)?)))
+            }
+            Prefilter::NBuffer => levels(PyramidKind::NBuffer(Anchor::Middle, Beyond::Zero)),
+            Prefilter::Mip => levels(PyramidKind::Mip),
+        }
+    }
+
+    fn prepare(&mut self, gpu: &Gpu, images: &Images, jobs: &[LayerJob]) -> Result<(), GpuError> {
+        match self {
+            Self::Table(sat) => sat.prepare(gpu, &images.whole, images.size, jobs),
+            Self::Levels(levels) => levels.prepare(gpu, &images.whole, images.size, jobs),
+        }
+    }
+
+    fn encode(&self, recorder: &mut Recorder<'_>) {
+        match self {
+            Self::Table(sat) => sat.encode(recorder, "soft/sum"),
+            Self::Levels(levels) => levels.encode(recorder, "soft/levels"),
+        }
+    }
+
+    fn view(&self) -> Option<&wgpu::TextureView> {
+        match self {
+            Self::Table(sat) => sat.view(),
+            Self::Levels(levels) => levels.stack_view().or(levels.mips_view()),
+        }
+    }
+
+    fn texels(&self) -> u64 {
+        match self {
+            Self::Table(sat) => sat.texels(),
+            Self::Levels(levels) => levels.texels(),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Table(sat) => sat.bytes(),
+            Self::Levels(levels) => levels.bytes(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Images {
+    size: u32,
+    whole: wgpu::TextureView,
+    each: Vec<wgpu::TextureView>,
+}
+
+impl SliceStore {
+    pub(crate) fn new(gpu: &Gpu, config: &OcclusionTextures) -> Result<Self, GpuError> {
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("slices"),
+            entries: &[
+                entries::storage(0, CS),
+                entries::storage(1, CS),
+                entries::texels(2, CS, true),
+            ],
+        });
+        let storage = wgpu::BufferUsages::STORAGE;
+        let alignment = gpu.device.limits().min_uniform_buffer_offset_alignment;
+        let stride = alignment.max(size_of::<Mat4>() as u32);
+        let matrices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("slices"),
+            size: u64::from(stride * MAX_SLICES) * VIEWS as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let matrix_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("slices"),
+            layout: &light_view_layout(&gpu.device),
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &matrices,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(size_of::<Mat4>() as u64),
+                }),
+            }],
+        });
+        Ok(Self {
+            config: *config,
+            layout,
+            light: gpu.buffer("area light", &[0; size_of::<AreaLight>()], storage),
+            slices: gpu.buffer("slices", &[0; VIEWS * size_of::<ViewSlices>()], storage),
+            matrices,
+            matrix_group,
+            stride,
+            images: None,
+            averages: Averages::new(gpu, config.prefilter)?,
+            jobs: Vec::new(),
+            drawn: Vec::new(),
+            nothing: Images::new(gpu, 1, 1)?.whole,
+            group: BindGroupCache::default(),
+            is_hard: true,
+            counters: Counters::new(),
+        })
+    }
+
+    /// The slices of each view with casters, for the shader and to be drawn.
+    fn place(&mut self, frame: &Frame<'_>, map: &ShadowMap) -> Vec<ViewSlices> {
+        let light = frame.light;
+        let center = light.position().map_or(DVec3::ZERO, |p| p - frame.origin);
+        let mut receivers = Vec::new();
+        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
+            receivers.clear();
+        }
+        let mut all = Vec::new();
+        for clip in map.views().iter().filter_map(|view| view.clip).take(VIEWS) {
+            let view = View::new(&clip, f64::from(map.size()), light);
+            let (axis, parallel) = (view.z, !view.perspective);
+            let along = |p: DVec3| axis.dot(p - center);
+            let depths = || map.hull().iter().map(|p| along(*p));
+            let far = depths().fold(f64::NEG_INFINITY, f64::max);
+            let near = depths().fold(f64::INFINITY, f64::min);
+            // Casters at the light itself are at a ten-thousandth of the way.
+            let near = if parallel { near } else { near.max(1e-4 * far) };
+            let extent = map.hull().iter().map(|p| p.distance(map.hull()[0])).fold(0.0, f64::max);
+            // A sheet parallel to the light has slices of a thickness, too. What lies on the last plane is before it.
+            let range = (far - near).max(1e-3 * extent).max(1e-9);
+            let far = near + range * (1.0 + 1e-4);
+            let farthest = receivers
+                .iter()
+                .flat_map(|b| [b.min, b.max])
+                .map(|p| along(p - frame.origin))
+                .fold(f64::NEG_INFINITY, f64::max);
+            let farthest = if farthest.is_finite() { farthest } else { far + 0.25 * range };
+            // Errors at a contact are without bounds.
+            let receiver = farthest.max(far + 0.02 * range);
+            let placement = self.config.placement;
+            let found = planes((near, far), receiver, self.config.slices, placement, parallel);
+            let stand_off = if parallel { 0.0 } else { clip.row(3).dot(center.extend(1.0)) };
+            let mut slices: ViewSlices = bytemuck::Zeroable::zeroed();
+            slices.light = center.extend(stand_off).as_vec4().to_array();
+            for (k, plane) in found.iter().enumerate() {
+                let fade = f64::from(self.config.fade) * fade_length(near, &found, k);
+                let over = if fade > 0.0 { 1.0 / fade } else { 0.0 };
+                slices.planes[k] = [*plane as f32, over as f32, 0.0, 0.0];
+                // With the slice before it, which it succeeds.
+                let first = if self.config.successor { k.saturating_sub(1) } else { k };
+                let from = if first == 0 { near } else { found[first - 1] };
+                // Slices share a little, so that nothing falls between them by rounding: a few units of the last place of
+                // 32-bit floats, 2^-23, of distances from where they are seen.
+                let little = 1e-5 * (plane - from) + 1e-6 * (stand_off + plane.abs() + extent);
+                let least = if parallel { f64::NEG_INFINITY } else { 0.5 * near };
+                let (from, to) = ((from - little).max(least), plane + little);
+                let off = axis.dot(center);
+                self.drawn.push(Slice {
+                    clip: between(&clip, (axis, off), stand_off, (from, to), parallel).as_mat4(),
+                    volume: [axis.extend(-off - from), (-axis).extend(off + to)],
+                });
+            }
+            all.push(slices);
+        }
+        all
+    }
+}
+
+/// The matrix of a view with near and far planes at those distances from the light's plane; `off` is the distance of that
+/// plane from the origin along `axis`.
+fn between(
+    clip: &DMat4,
+    (axis, off): (DVec3, f64),
+    stand_off: f64,
+    (from, to): (f64, f64),
+    parallel: bool,
+) -> DMat4 {
+    let w = clip.row(3);
+    let depth = if parallel {
+        // (to - z) / (to - from) of the distance z along the axis.
+        (-axis).extend(to + off) / (to - from)
+    } else {
+        // a + b / w: 1 at the near plane and 0 at the far one.
+        let (from, to) = (from + stand_off, to + stand_off);
+        (w * -from + DVec4::W * (from * to)) / (to - from)
+    };
+    DMat4::from_cols(clip.row(0), clip.row(1), depth, w).transpose()
+}
+
+impl Store for SliceStore {
+    fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
+        self.is_hard = frame.light.is_hard();
+        self.jobs.clear();
+        self.drawn.clear();
+        let light = AreaLight::new(frame.light, map);
+        gpu.queue.write_buffer(&self.light, 0, bytemuck::bytes_of(&light));
+        if !self.is_hard && map.view().is_some() {
+            let slices = self.place(frame, map);
+            gpu.queue.write_buffer(&self.slices, 0, bytemuck::cast_slice(&slices));
+            let layers = self.drawn.len() as u32;
+            let fits = |i: &&Images| i.size == map.size() && i.each.len() as u32 >= layers;
+            let images = match self.images.take() {
+                Some(images) if fits(&&images) => images,
+                _ => {
+                    let limit = gpu.device.limits().max_texture_array_layers;
+                    if layers > limit {
+                        let (asked, limit) = (layers.into(), limit.into());
+                        return Err(GpuError::Limit { what: "slices of all views", asked, limit });
+                    }
+                    Images::new(gpu, map.size(), layers)?
+                }
+            };
+            let job = |source| LayerJob { source, ..LayerJob::default() };
+            self.jobs.extend((0..layers).map(job));
+            self.averages.prepare(gpu, &images, &self.jobs)?;
+            self.images = Some(images);
+            for (i, slice) in self.drawn.iter().enumerate() {
+                let offset = i as u64 * u64::from(self.stride);
+                let matrix = slice.clip.to_cols_array();
+                gpu.queue.write_buffer(&self.matrices, offset, bytemuck::bytes_of(&matrix));
+            }
+        }
+        let depths = map.view().filter(|_| self.is_hard).unwrap_or(&self.nothing).clone();
+        self.group.get(depths, |depths| {
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("slices"),
+                layout: &self.layout,
+                entries: &[
+                    bind::buffer(0, &self.light),
+                    bind::buffer(1, &self.slices),
+                    bind::texture(2, depths),
+                ],
+            })
+        });
+        Ok(())
+    }
+
+    fn encode(
+        &mut self,
+        _gpu: &Gpu,
+        frame: &Frame<'_>,
+        map: &ShadowMap,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<(), GpuError> {
+        let convention = DepthConvention::REVERSED_F32;
+        let (mut passes, mut draws, mut triangles) = (0, 0, 0);
+        let mut draw = |view: &LightView<'_>, layer: &wgpu::TextureView, name: &'static str| {
+            let mut pass = recorder.depth_pass(name, layer, convention.clear());
+            let drawn = frame.casters.draw(view, &mut pass);
+            passes += 1;
+            draws += drawn.draws;
+            triangles += drawn.triangles;
+        };
+        if self.is_hard {
+            for (view, layer) in map.light_views(frame).zip(map.layer_views()) {
+                draw(&view, layer, "map/depth");
+            }
+        } else if let Some(images) = &self.images {
+            for (i, (slice, layer)) in self.drawn.iter().zip(&images.each).enumerate() {
+                let view = LightView {
+                    clip: slice.clip,
+                    bind_group: &self.matrix_group,
+                    offset: i as u32 * self.stride,
+                    format: ShadowMap::FORMAT,
+                    order: convention.order(),
+                    light: frame.light,
+                    origin: frame.origin,
+                    volume: &slice.volume,
+                    receivers: false,
+                };
+                draw(&view, layer, "soft/slice");
+            }
+        }
+        if !self.jobs.is_empty() {
+            self.averages.encode(recorder);
+        }
+        let texels = passes * u64::from(map.size()).pow(2);
+        let sums = if self.jobs.is_empty() { 0 } else { self.averages.texels() };
+        self.counters = Counters::from([
+            ("map_passes", passes),
+            ("map_draws", draws),
+            ("map_triangles", triangles),
+            ("map_texels", texels),
+            ("map_lights_skipped", u64::from(passes == 0)),
+            ("store_texels", sums),
+        ]);
+        Ok(())
+    }
+
+    fn draws(&self) -> bool {
+        true
+    }
+
+    fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {
+        Some(&self.layout)
+    }
+
+    fn group(&self) -> Option<&wgpu::BindGroup> {
+        self.group.kept()
+    }
+
+    fn view(&self) -> Option<&wgpu::TextureView> {
+        self.averages.view()
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters.clone()
+    }
+
+    fn bytes(&self) -> u64 {
+        let images =
+            self.images.as_ref().map_or(0, |i| 4 * i.each.len() as u64 * u64::from(i.size).pow(2));
+        images
+            + self.averages.bytes()
+            + self.light.size()
+            + self.slices.size()
+            + self.matrices.size()
+    }
+}
+
+impl Images {
+    fn new(gpu: &Gpu, size: u32, layers: u32) -> Result<Self, GpuError> {
+        let texture = gpu.create_texture(
+            "slices",
+            &wgpu::TextureDescriptor {
+                label: Some("slices"),
+                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: ShadowMap::FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            },
+        )?;
+        let view = |dimension, base_array_layer, count| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                label: Some("slices"),
+                dimension: Some(dimension),
+                base_array_layer,
+                array_layer_count: Some(count),
+                ..Default::default()
+            })
+        };
+        let whole = view(wgpu::TextureViewDimension::D2Array, 0, layers);
+        let each = (0..layers).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
+        Ok(Self { size, whole, each })
+    }
+}

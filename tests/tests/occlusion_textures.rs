@@ -1,0 +1,290 @@
+//! Occlusion textures: exact behind one plate, their twin behind two, what fusion and slicing lose, and their cost.
+
+#[path = "shared/area.rs"]
+mod area;
+
+use antumbra::Config;
+use antumbra_filter::PcfGrid;
+use antumbra_gpu::Gpu;
+use antumbra_map::Plain;
+use antumbra_measure::Stage;
+use antumbra_reference::ViewSample;
+use antumbra_scene::{Light, Scene, generate};
+use antumbra_soft::twin::occlusion::{Slices, planes};
+use antumbra_soft::{Fusion, OcclusionTextures, Placement, Prefilter};
+use antumbra_tests::gpu;
+use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
+use glam::{DAffine3, DVec2, DVec3};
+
+fn textures(size: u32) -> OcclusionTextures {
+    OcclusionTextures { map: map(size), ..OcclusionTextures::default() }
+}
+
+#[test]
+fn behind_one_plate_the_answer_is_the_closed_form() {
+    let gpu = gpu();
+    let center = DVec3::new(0.0, 4.0, 0.0);
+    let (x, z) = (DVec3::X, DVec3::Z);
+    for light in [
+        Light::Rect { center, half_u: x * 0.5, half_v: z * 0.3 },
+        Light::Disc { center, radius: 0.5, axis_u: x, axis_v: z },
+        Light::Sphere { center, radius: 0.5 },
+        Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.3 },
+    ] {
+        let plate = plate(&gpu, light, 1.6);
+        for config in [
+            textures(256),
+            textures(512),
+            OcclusionTextures { slices: 6, placement: Placement::Error, ..textures(512) },
+            OcclusionTextures { offset: false, fusion: Fusion::Max, ..textures(512) },
+        ] {
+            let (rmse, width) = plate.errors(&gpu, &Config::OcclusionTextures(config));
+            assert!(rmse <= 0.01, "{config:?} under {light:?}: RMSE {rmse}");
+            assert!(width.abs() <= 0.03, "{config:?} under {light:?}: width off by {width}");
+        }
+        // The control: a kernel that does not know how wide the penumbra is.
+        let fixed = Config::PcfGrid(PcfGrid { map: map(512), side: 7 });
+        let (rmse, _) = plate.errors(&gpu, &fixed);
+        assert!(rmse > 0.05, "a fixed kernel under {light:?}: RMSE {rmse}");
+    }
+}
+
+#[test]
+fn slices_that_hide_the_same_or_the_rest_are_put_together_as_each_rule_says() {
+    let gpu = gpu();
+    let same = [(-50.0, 0.0, 4.0), (-50.0, 0.0, 6.0)];
+    let opposite = [(-50.0, 0.0, 4.0), (0.0, 50.0, 6.0)];
+    // Seen from the axis edges on it stay there as they are flattened. A window of 200 texels of a sheet 100 m wide holds
+    // its edge to a texel of 512: 1 / 40 of the light's width of 2 m, seen at half the distance.
+    for (fusion, expected) in [(Fusion::Product, 0.25), (Fusion::Sum, 0.0), (Fusion::Max, 0.5)] {
+        let config = OcclusionTextures { fusion, slices: 16, ..textures(2048) };
+        for sheets in [&same, &opposite] {
+            let found = below_a_square_light(&gpu, sheets, 0.0, &Config::OcclusionTextures(config));
+            assert!((found - expected).abs() < 0.04, "{fusion:?}: {found}, not {expected}");
+        }
+    }
+    // What the light's centre does not see counts, too: 0.75 for every technique over one map, and 0 by areas.
+    let hidden = [(-0.2, 0.2, 2.0), (-0.35, 0.35, 8.0)];
+    let config = OcclusionTextures { fusion: Fusion::Sum, slices: 16, ..textures(512) };
+    let found = below_a_square_light(&gpu, &hidden, 0.0, &Config::OcclusionTextures(config));
+    assert!(found < 0.1, "the hidden strip hides all: {found}");
+}
+
+/// Two square plates at 4 and 6 m below a rectangle of light, and points on a floor at 10 m.
+fn two_plates(gpu: &Gpu) -> (Stage, Vec<DVec3>) {
+    let mut scene = Scene { name: "two plates".to_owned(), ..Scene::default() };
+    let floor = generate::shapes::quad(DVec3::Y * -10.0, DVec3::Z * 8.0, DVec3::X * 8.0);
+    scene.add(floor, DAffine3::IDENTITY);
+    for (x, z, depth) in PLATES {
+        let plate = generate::shapes::quad(DVec3::new(x, -depth, z), DVec3::Z, DVec3::X);
+        scene.add(plate, DAffine3::IDENTITY);
+    }
+    let points: Vec<DVec3> = (0..400)
+        .map(|i| {
+            let (x, z) = (f64::from(i % 20), f64::from(i / 20));
+            DVec3::new(-4.0 + 0.41 * x, -10.0, -4.0 + 0.39 * z)
+        })
+        .collect();
+    let origin = scene.origin();
+    let samples: Vec<ViewSample> = points
+        .iter()
+        .map(|p| ViewSample { position: (*p - origin).as_vec3(), normal: glam::Vec3::Y })
+        .collect();
+    (Stage::at_points(gpu, &scene, &samples).expect("a stage"), points)
+}
+
+/// Middle in x and z and depth of plates of half side 1.
+const PLATES: [(f64, f64, f64); 2] = [(0.3, -0.2, 4.0), (-0.8, 0.6, 6.0)];
+
+#[test]
+fn the_shader_is_its_twin_behind_two_plates() {
+    let gpu = gpu();
+    let (stage, points) = two_plates(&gpu);
+    let (hu, hv) = (0.8, 0.5);
+    let light = Light::Rect { center: DVec3::ZERO, half_u: DVec3::X * hu, half_v: DVec3::Z * hv };
+    let mut lit = 0;
+    for fusion in [Fusion::Product, Fusion::Sum, Fusion::Max] {
+        for (offset, fade) in [(true, 1.0), (false, 0.3)] {
+            let config = OcclusionTextures { fusion, offset, fade, slices: 5, ..textures(1024) };
+            let found = shoot(&gpu, &stage, &light, &Config::OcclusionTextures(config));
+            // As the store has them: to a little behind the farther plate.
+            let near = 4.0;
+            let planes =
+                planes((near, near + 2.0 * (1.0 + 1e-4)), 10.0, 5, Placement::Uniform, false);
+            // As far off as h (z + d) / d is the half side of what the plates fill: at most 1.8 at 6 m.
+            let stand_off = if offset {
+                let by = |h: f64, e: f64| if e > h { (h * 6.0 / (e - h)).min(24.0) } else { 24.0 };
+                by(hu, 1.8).min(by(hv, 1.6))
+            } else {
+                0.0
+            };
+            let covered = |k: usize, center: DVec2, half: DVec2| {
+                let from = if k == 0 { near - 0.1 } else { planes[k - 1] };
+                let of = |(x, z, depth): &(f64, f64, f64)| {
+                    if *depth <= from || *depth > planes[k] {
+                        return 0.0;
+                    }
+                    let onto = (planes[k] + stand_off) / (depth + stand_off);
+                    let side = |m: f64, c: f64, h: f64| {
+                        let (lo, hi) = ((m - 1.0) * onto, (m + 1.0) * onto);
+                        (hi.min(c + h) - lo.max(c - h)).max(0.0) / (2.0 * h)
+                    };
+                    side(*x, center.x, half.x) * side(*z, center.y, half.y)
+                };
+                PLATES.iter().map(of).sum::<f64>()
+            };
+            let slices = Slices {
+                planes: &planes,
+                near,
+                half: DVec2::new(hu, hv),
+                parallel: false,
+                fade: f64::from(fade),
+                fusion,
+                covered: &covered,
+            };
+            let mut worst: f64 = 0.0;
+            for (found, p) in found.iter().zip(&points) {
+                let exact = slices.visibility(DVec3::new(p.x, p.z, 10.0));
+                worst = worst.max((f64::from(*found) - exact).abs());
+                lit += usize::from(exact == 1.0);
+            }
+            // Plates and their windows span less than 5 m at 6 m, of which the image is 1024 texels, 0.005 m; windows are
+            // at least 2 hv (10 - 6) / 10 = 0.4 m wide. An edge is half a texel off and each plate has two sides an axis.
+            assert!(worst < 4.0 * 0.5 * 0.005 / 0.4, "{fusion:?}, {offset}: off by {worst}");
+        }
+    }
+    assert!(lit > 100 && lit < 6 * 390, "{lit} points are lit");
+}
+
+/// A sheet of no thickness from (-1, 4) to (1, 6), endless across, as x and depth below a square light.
+fn tilted_sheet(gpu: &Gpu, config: OcclusionTextures) -> Vec<f32> {
+    let mut scene = Scene { name: "sheet".to_owned(), ..Scene::default() };
+    let floor = generate::shapes::quad(DVec3::Y * -10.0, DVec3::Z * 60.0, DVec3::X * 60.0);
+    scene.add(floor, DAffine3::IDENTITY);
+    let along = DVec3::new(1.0, -1.0, 0.0);
+    let sheet = generate::shapes::quad(DVec3::Y * -5.0, DVec3::Z * 5.0, along);
+    scene.add(sheet, DAffine3::IDENTITY);
+    let origin = scene.origin();
+    let samples: Vec<ViewSample> = (0..200)
+        .map(|i| {
+            let p = DVec3::new(-1.0 + 0.01 * f64::from(i), -10.0, 0.0);
+            ViewSample { position: (p - origin).as_vec3(), normal: glam::Vec3::Y }
+        })
+        .collect();
+    let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
+    let light = Light::Rect { center: DVec3::ZERO, half_u: DVec3::X, half_v: DVec3::Z };
+    shoot(gpu, &stage, &light, &Config::OcclusionTextures(config))
+}
+
+#[test]
+fn light_leaks_between_slices_and_the_successor_closes_the_gaps() {
+    let gpu = gpu();
+    // From x in [-1, 1] the sheet hides the light between (-10 - 4 x) / 6 and (10 - 6 x) / 4, so all of it.
+    let umbra = |found: &[f32]| found[30..170].iter().copied().fold(0.0, f32::max);
+    let product = OcclusionTextures { fade: 0.0, ..textures(512) };
+    let open = umbra(&tilted_sheet(&gpu, product));
+    let closed = umbra(&tilted_sheet(&gpu, OcclusionTextures { successor: true, ..product }));
+    let sum = umbra(&tilted_sheet(&gpu, OcclusionTextures { fusion: Fusion::Sum, ..product }));
+    // Slices that share the light have a product of at least (1 - 1/8)^8 = 0.34 where each hides an eighth.
+    assert!(open > 0.2, "{open}");
+    assert!(closed < 0.6 * open, "{closed}, and {open} without");
+    assert!(sum < 0.1, "{sum}");
+}
+
+#[test]
+fn more_slices_bring_a_plate_between_planes_nearer_to_the_truth() {
+    let gpu = gpu();
+    // Alone a plate has slices of its own thickness: so it is the shadow of the upper plate of two that counts here, seen
+    // where the lower one hides nothing.
+    let sheets = [(-8.0, 0.0, 5.0), (40.0, 44.0, 8.0)];
+    let error = |slices, placement| {
+        let config = OcclusionTextures { slices, placement, ..textures(2048) };
+        let at = |x: f64| {
+            let config = Config::OcclusionTextures(config);
+            let found = below_a_square_light(&gpu, &sheets, x, &config);
+            (f64::from(found) - (0.5 + 0.5 * x)).abs()
+        };
+        [-0.6, 0.0, 0.6].into_iter().map(at).fold(0.0, f64::max)
+    };
+    let errors = [2, 4, 16].map(|n| error(n, Placement::Uniform));
+    // The error falls with a slice's thickness.
+    assert!(errors[2] < 0.5 * errors[0] && errors[1] < errors[0], "{errors:?}");
+}
+
+#[test]
+fn work_is_the_same_whatever_the_lights_side() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 64);
+    let rect = |half: f64| Light::Rect {
+        center: DVec3::new(0.4, 5.0, -0.3),
+        half_u: DVec3::X * half,
+        half_v: DVec3::Z * half,
+    };
+    let all = [0.1, 0.4, 1.6].map(rect);
+    let pairs = all.iter().map(|light| (&stage, light));
+    let found = shots(&gpu, &Config::OcclusionTextures(textures(128)), pairs);
+    for (visibility, counters) in &found {
+        assert!(visibility.iter().any(|v| *v > 0.0 && *v < 1.0), "a penumbra");
+        for name in ["fetches", "map_passes", "map_texels", "store_texels"] {
+            assert_eq!(counters[name], found[0].1[name], "{name}");
+        }
+    }
+    assert_eq!(found[0].1["fetches"], 64 * 64 * 16 * 8);
+}
+
+#[test]
+fn a_light_without_an_extent_gives_the_plain_maps_bits() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 64);
+    let point = Light::Point { position: DVec3::new(0.4, 5.0, -0.3) };
+    let all: Vec<Light> = lights(0.0).into_iter().chain([point]).collect();
+    let pairs = || all.iter().map(|light| (&stage, light));
+    let plain = shots(&gpu, &Config::Plain(Plain { map: map(128) }), pairs());
+    let found = shots(&gpu, &Config::OcclusionTextures(textures(128)), pairs());
+    for ((found, plain), light) in found.iter().zip(&plain).zip(&all) {
+        assert_eq!(found.0, plain.0, "under {light:?}");
+        assert_eq!(found.1["map_triangles"], plain.1["map_triangles"], "under {light:?}");
+    }
+}
+
+#[test]
+fn lights_of_any_size_give_numbers_from_0_to_1() {
+    let gpu = gpu();
+    let mut scene = bodies();
+    // A sheet that touches the light.
+    let at_light = generate::shapes::quad(DVec3::new(0.4, 5.0, -0.3), DVec3::X * 0.1, DVec3::Z);
+    scene.add(at_light, DAffine3::IDENTITY);
+    let stage = seen(&gpu, &scene, 32);
+    let mut all: Vec<Light> = [1e-7, 1e-3, 0.3, 4.0, 100.0].into_iter().flat_map(lights).collect();
+    all.sort_by_key(|light| light.position().is_none());
+    for placement in [Placement::Uniform, Placement::Error] {
+        let config = OcclusionTextures { placement, ..textures(64) };
+        let pairs = all.iter().map(|light| (&stage, light));
+        for ((found, _), light) in
+            shots(&gpu, &Config::OcclusionTextures(config), pairs).iter().zip(&all)
+        {
+            let wrong = found.iter().find(|v| !(0.0..=1.0).contains(*v));
+            assert_eq!(wrong, None, "{placement:?} under {light:?}");
+        }
+    }
+}
+
+#[test]
+fn tables_are_exact_n_buffers_nearly_and_mipmaps_less() {
+    let gpu = gpu();
+    let light = Light::Rect {
+        center: DVec3::new(0.0, 4.0, 0.0),
+        half_u: DVec3::X * 0.5,
+        half_v: DVec3::Z * 0.3,
+    };
+    let plate = plate(&gpu, light, 1.6);
+    let [table, n_buffer, mip] =
+        [Prefilter::Table, Prefilter::NBuffer, Prefilter::Mip].map(|prefilter| {
+            let config = OcclusionTextures { prefilter, ..textures(256) };
+            plate.errors(&gpu, &Config::OcclusionTextures(config)).0
+        });
+    assert!(table < n_buffer && n_buffer < mip, "{table} {n_buffer} {mip}");
+    // Between powers of two a box is the sum of two, of which one is up to half too small and the other up to twice too
+    // large: a ramp of twice the width differs from the ramp by a quarter at most, and on this line by half that at most.
+    assert!(n_buffer < 0.125 && mip < 0.25, "{n_buffer} {mip}");
+}
