@@ -8,7 +8,7 @@ use antumbra::Config;
 use antumbra_filter::PcfGrid;
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
-use antumbra_reference::{SampleClass, TruthOptions};
+use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
 use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
 use antumbra_scene::{Light, Scene, generate};
 use antumbra_soft::{
@@ -16,7 +16,7 @@ use antumbra_soft::{
 };
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 /// Every technique, at its defaults and at its most exact.
 fn techniques(size: u32, window: Window) -> Vec<Config> {
