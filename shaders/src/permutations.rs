@@ -148,10 +148,11 @@ pub fn permutations() -> Vec<Permutation> {
     }
     all.extend(tables());
     all.extend(pyramids());
-    let replaces_shadow = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::shadow");
+    // Maps of single objects ask all of them, in the place of the lookup that area lights replace.
+    let is_soft = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::through");
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
-            if replaces_shadow(&slots) && replaces_shadow(&layout_slots) {
+            if is_soft(&slots) && layout == "objects" {
                 continue;
             }
             let mut slots = slots.clone();

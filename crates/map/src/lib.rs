@@ -41,7 +41,7 @@ pub use between::{Between, Metric};
 pub use bias::Bias;
 pub use caster_depth::{CasterDepth, Faces, PolygonOffset};
 pub use estimator::{Estimator, MapRead};
-pub use expectation::expectation;
+pub use expectation::{expectation, without_holes};
 pub use fit::{
     FittedView, Fitting, Needed, SeenView, Sight, basis, fit, fit_perspective, fit_seen,
 };

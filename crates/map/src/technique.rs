@@ -200,18 +200,11 @@ impl MapTechnique {
     /// the lights that are not theirs.
     ///
     /// # Errors
-    /// That of `arrange`, or an estimator that replaces the lookup itself, as area lights do.
+    /// That of `arrange`.
     pub fn rearranged(
         self,
         arrange: impl FnOnce(Box<dyn Arrange>) -> Result<Box<dyn Arrange>, GpuError>,
     ) -> Result<Self, GpuError> {
-        if self.estimator.slots.iter().any(|(slot, _)| slot == "map::shadow") {
-            return Err(GpuError::Invalid {
-                what: "technique",
-                value: "one with a lookup of its own".to_owned(),
-                fix: "choose one that looks texels up for a light without an extent, such as map/plain or any of filter/",
-            });
-        }
         Ok(Self { map: self.map.rearranged(arrange)?, resolve: None, refit: None, ..self })
     }
 

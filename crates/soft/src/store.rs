@@ -194,9 +194,27 @@ impl AreaStore {
     }
 }
 
+/// A light with an extent is seen through views that are orthographic for a sun and else keep depth as 1 / distance.
+fn refuse_warps(light: &Light, map: &ShadowMap) -> Result<(), GpuError> {
+    let is_sun = matches!(light, Light::Directional { .. });
+    let row = if is_sun { 3 } else { 2 };
+    let clips = map.views().iter().filter_map(|view| view.clip);
+    if clips.map(|clip| clip.row(row).truncate()).all(|bent| bent == glam::DVec3::ZERO) {
+        return Ok(());
+    }
+    Err(GpuError::Invalid {
+        what: "layout of the map",
+        value: "a warped one, under a light with an extent".to_owned(),
+        fix: "use one map or cascades, or a light without an extent",
+    })
+}
+
 impl Store for AreaStore {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
         self.is_hard = frame.light.is_hard();
+        if !self.is_hard {
+            refuse_warps(frame.light, map)?;
+        }
         self.map = map.view().cloned();
         let light = AreaLight::new(frame.light, map);
         gpu.queue.write_buffer(&self.light, 0, bytemuck::bytes_of(&light));

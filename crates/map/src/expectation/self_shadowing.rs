@@ -3,7 +3,7 @@
 
 use antumbra_gpu::{Expectation, SUBPIXEL_STEP};
 
-use super::depth_map;
+use super::{depth_map, without_holes};
 use crate::{DualLayers, Estimator, Midpoint, NormalOffset, SecondDepth, SecondSurface, SlopeBias};
 use Expectation::{Holds, KnownLimit};
 
@@ -16,15 +16,6 @@ fn texel(size: u32) -> f64 {
 /// On cases where nothing that is lit casts towards what is looked at, the ways around self-shadowing have nothing to do.
 fn plain(size: u32, case: &str) -> Option<Expectation> {
     depth_map(crate::Omni::default(), &Estimator::nearest(), size, case)
-}
-
-/// HC-35 for maps that are drawn from triangles: of half a floor the answer is wrong, all of it or none being dark.
-pub(super) fn without_holes(case: &str) -> Option<Expectation> {
-    case.starts_with("HC-35").then_some(KnownLimit {
-        at_least: 0.45,
-        at_most: 0.55,
-        because: "the map is drawn from triangles, which know nothing of holes",
-    })
 }
 
 /// The plain map's bound on `case`, and so many texels more.

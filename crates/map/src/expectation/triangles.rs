@@ -15,7 +15,7 @@ fn texel(size: u32, reach: u32) -> f64 {
 
 /// The plain map's, of a kernel that reaches as far.
 fn plain(size: u32, reach: u32, case: &str) -> Option<Expectation> {
-    if let Some(whole) = super::self_shadowing::without_holes(case) {
+    if let Some(whole) = super::without_holes(case) {
         return Some(whole);
     }
     depth_map(

@@ -39,7 +39,7 @@ pub(super) fn matched(config: &ResolutionMatched, case: &str) -> Option<Expectat
             because: "the window moves in whole texels of the finest level, and so those of coarser levels by a part \
                       of theirs",
         },
-        _ => return plain,
+        _ => return antumbra_map::without_holes(case).or(plain),
     })
 }
 
