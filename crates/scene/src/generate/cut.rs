@@ -49,7 +49,7 @@ impl LeafCard {
 
     /// Bound on the distance of the leaf's edge from the circle, metres.
     ///
-    /// Alpha is rounded to half of 1/255 at most, which is [`Self::BAND`] / 510 texels. The distance from the middle is
+    /// Alpha is rounded to half of 1/255 at most, which is `BAND` / 510 texels. The distance from the middle is
     /// convex with second derivatives that add up to 1 / distance, so a bilinear mean over texels of side h exceeds it
     /// by up to h^2 / 8 of that, and never falls below it.
     #[must_use]
