@@ -78,8 +78,6 @@ const UNSAID: &[(&str, &str)] = &[
     ("map/disc", "HC-17 beyond the far plane"),
     ("map/disc", "HC-23 light in the near plane"),
     ("map/second-depth", "HC-23 light in the near plane"),
-    ("map/planar", "HC-35 checker"),
-    ("map/planar", "HC-35 checker of texels"),
     ("map/disc", "HC-35 checker"),
     ("map/disc", "HC-35 checker of texels"),
 ];

@@ -46,6 +46,8 @@ pub(super) fn planar(case: &str) -> Option<Expectation> {
         | "HC-11 seams of a paraboloid"
         | "HC-12 two triangles below the light"
         | "HC-31 wire below a texel"
+        | "HC-35 checker"
+        | "HC-35 checker of texels"
         | "HC-38 depth along a long edge"
         | "HC-40 casters out of view" => Refuses {
             because: "flattened casters are drawn from the camera, and the case's samples have none",
