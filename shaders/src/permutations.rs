@@ -84,6 +84,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::doubtful",
         "volume::receivers",
         "volume::cull",
+        "volume::clamp",
         "volume::silhouettes",
         "map::cull_clusters",
         "map::peel",
@@ -107,6 +108,17 @@ pub fn permutations() -> Vec<Permutation> {
         ("map-warped-paraboloid", "map::warped", "map::paraboloid"),
     ] {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
+    }
+    for (name, slots) in [
+        ("plain", vec![("volume::limits", "volume::no_limits"), ("volume::tally", "volume::no_tally")]),
+        ("limits", vec![("volume::tally", "volume::no_tally")]),
+        ("tally", vec![("volume::limits", "volume::no_limits")]),
+    ] {
+        all.push(Permutation {
+            name: format!("volume-count-{name}"),
+            root: "volume::count",
+            slots: slots.into_iter().map(|(slot, path)| module(slot, path)).collect(),
+        });
     }
     let block = "const BLOCK: i32 = 4;\nconst FLATNESS: f32 = 0.1;";
     all.push(Permutation {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::technique::{Counted, Start, VolumeTechnique};
 use crate::triangles::Method;
-use crate::{Counter, expectation};
+use crate::{Counter, Savings, expectation};
 
 /// Shadow volumes counted in front of the sample where they certainly do not contain the eye, and behind it where they
 /// may: both count the volumes that contain the sample, so that they may be mixed (Everitt and Kilgard 2002). Saves
@@ -19,11 +19,13 @@ pub struct Auto {
     /// Decoret 2005); default true. Costs a reduction of the view samples and a few sphere tests a triangle, and
     /// changes no bit of the answer.
     pub culling: bool,
+    /// What of volumes is not drawn since it decides nothing; default none.
+    pub savings: Savings,
 }
 
 impl Default for Auto {
     fn default() -> Self {
-        Self { counter: Counter::default(), culling: true }
+        Self { counter: Counter::default(), culling: true, savings: Savings::default() }
     }
 }
 
@@ -39,6 +41,7 @@ impl Auto {
             near_caps: true,
             start: Start::Zero,
             culling: self.culling,
+            savings: self.savings,
         };
         VolumeTechnique::new(gpu, how)
     }

@@ -3,12 +3,13 @@
 use antumbra_gpu::{
     BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind, read_buffer,
 };
+use antumbra_shaders::{link, module};
 use glam::{DVec4, Vec4};
 use serde::{Deserialize, Serialize};
 
-use crate::VolumeFaces;
 use crate::doubtful::Doubtful;
 use crate::light::Perspective;
+use crate::{Savings, VolumeFaces};
 use pipelines::{draw_layout, faces_pipeline, resolve_layout, stencil_state};
 
 mod pipelines;
@@ -30,6 +31,7 @@ pub enum Counter {
 #[derive(Debug)]
 pub(crate) struct Counting {
     counter: Counter,
+    savings: Savings,
     sides: wgpu::RenderPipeline,
     near_caps: wgpu::RenderPipeline,
     far_caps: wgpu::RenderPipeline,
@@ -41,6 +43,8 @@ pub(crate) struct Counting {
     /// The number of volumes that contain the eye, and whether rounding decides of one: see `volume/eye.wesl`.
     eye_count: wgpu::Buffer,
     zero: wgpu::Buffer,
+    /// In the place of volumes' limits where there are none.
+    unlimited: wgpu::Buffer,
     doubtful: Doubtful,
     target: Option<Target>,
     draw_group: BindGroupCache<(Vec<wgpu::Buffer>, [wgpu::TextureView; 2])>,
@@ -52,6 +56,8 @@ pub(crate) struct Counting {
 struct Target {
     size: (u32, u32),
     counts: wgpu::Buffer,
+    /// Fragments of each pixel, where they are counted.
+    tally: wgpu::Buffer,
     stencil: wgpu::TextureView,
     doubts: wgpu::Texture,
     doubts_view: wgpu::TextureView,
@@ -91,6 +97,8 @@ pub(crate) struct Draw<'a> {
     /// Whether to start from the number of volumes at each pixel's point of the near plane.
     pub(crate) cast_caps: bool,
     pub(crate) eye: Eye,
+    /// Where volumes have to be drawn, if savings ask for it.
+    pub(crate) limits: Option<&'a wgpu::Buffer>,
 }
 
 /// What the number of volumes that contain the eye is to the counts.
@@ -111,11 +119,19 @@ impl Counting {
     /// Builds the passes.
     ///
     /// # Errors
-    /// A shader that does not link (a fault of this library).
-    pub(crate) fn new(gpu: &Gpu, counter: Counter) -> Result<Self, GpuError> {
+    /// Savings that are none, or a shader that does not link (a fault of this library).
+    pub(crate) fn new(gpu: &Gpu, counter: Counter, savings: Savings) -> Result<Self, GpuError> {
+        savings.check()?;
         let device = &gpu.device;
         let draw_layout = draw_layout(gpu);
-        let module = gpu.shader("volume count", antumbra_shaders::link("volume::count", &[])?);
+        let mut slots = Vec::new();
+        if !savings.limits() {
+            slots.push(module("volume::limits", "volume::no_limits"));
+        }
+        if !savings.tally {
+            slots.push(module("volume::tally", "volume::no_tally"));
+        }
+        let module = gpu.shader("volume count", link("volume::count", &slots)?);
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("volume count"),
             bind_group_layouts: &[Some(&draw_layout)],
@@ -127,7 +143,7 @@ impl Counting {
             faces_pipeline(gpu, &module, &layout, stencil, vertex, fragment)
         };
         let resolve_layout = resolve_layout(gpu);
-        let shader = gpu.shader("volume resolve", antumbra_shaders::link("volume::resolve", &[])?);
+        let shader = gpu.shader("volume resolve", link("volume::resolve", &[])?);
         let resolve = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("volume resolve"),
             layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -153,6 +169,7 @@ impl Counting {
         };
         Ok(Self {
             counter,
+            savings,
             sides: pipeline("side", ["add_face", "keep_face"]),
             near_caps: pipeline("near_cap", ["add_face", "keep_face"]),
             far_caps: pipeline("far_cap", ["add_face", "keep_face"]),
@@ -163,6 +180,7 @@ impl Counting {
             view: buffer("volume view", size_of::<ViewUniform>(), wgpu::BufferUsages::UNIFORM),
             eye_count: buffer("volumes around the eye", 8, wgpu::BufferUsages::STORAGE),
             zero: buffer("no volumes around the eye", 8, wgpu::BufferUsages::STORAGE),
+            unlimited: buffer("no limits of volumes", 16, wgpu::BufferUsages::STORAGE),
             doubtful: Doubtful::new(gpu)?,
             target: None,
             draw_group: BindGroupCache::default(),
@@ -188,13 +206,18 @@ impl Counting {
             rows: [rows.x_axis, rows.y_axis, rows.w_axis].map(row),
             light: light.to_array(),
             eye: view.camera.eye.as_vec3().extend(1.0).to_array(),
-            how: [near as f32, contact, 0.0, 0.0],
+            how: [
+                near as f32,
+                contact,
+                self.savings.instances() as f32,
+                self.savings.range_squared(),
+            ],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));
         self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact);
         if self.target.as_ref().is_none_or(|t| t.size != samples.size()) {
-            self.target = Some(Target::new(gpu, samples.size(), self.counter)?);
+            self.target = Some(Target::new(gpu, samples.size(), self.counter, self.savings.tally)?);
         }
         Ok(())
     }
@@ -244,6 +267,19 @@ impl Counting {
         self.target.as_ref().filter(|_| self.counter == Counter::Wide).map(|t| &t.counts)
     }
 
+    /// How many fragments faces had in the last submitted frame, where they are counted. Waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub(crate) fn read_fragments(&self, gpu: &Gpu) -> Result<Option<u64>, GpuError> {
+        let Some(target) = self.target.as_ref().filter(|_| self.savings.tally) else {
+            return Ok(None);
+        };
+        let bytes = read_buffer(gpu, &target.tally, target.tally.size())?;
+        let pixels: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(Some(pixels.into_iter().map(u64::from).sum()))
+    }
+
     /// Records the passes from faces to `visibility`.
     ///
     /// # Errors
@@ -263,6 +299,7 @@ impl Counting {
             });
         };
         recorder.encoder.clear_buffer(&target.counts, 0, None);
+        recorder.encoder.clear_buffer(&target.tally, 0, None);
         let samples = draw.samples;
         let buffers = vec![
             draw.triangles.positions.clone(),
@@ -270,6 +307,8 @@ impl Counting {
             draw.faces.sides.clone(),
             draw.faces.caps.clone(),
             target.counts.clone(),
+            draw.limits.unwrap_or(&self.unlimited).clone(),
+            target.tally.clone(),
         ];
         let textures = [samples.positions_view.clone(), samples.normals_view.clone()];
         let group = self.draw_group.get((buffers, textures), |(buffers, textures)| {
@@ -285,6 +324,8 @@ impl Counting {
                     bind::texture(5, &textures[0]),
                     bind::texture(6, &textures[1]),
                     bind::buffer(7, &buffers[4]),
+                    bind::buffer(8, &buffers[5]),
+                    bind::buffer(9, &buffers[6]),
                 ],
             })
         });
@@ -363,22 +404,26 @@ impl Counting {
     /// Bytes of the counters.
     pub(crate) fn bytes(&self) -> u64 {
         let texels = |t: &Target| u64::from(t.size.0) * u64::from(t.size.1);
-        self.target.as_ref().map_or(0, |t| t.counts.size() + 2 * texels(t))
+        self.target.as_ref().map_or(0, |t| t.counts.size() + t.tally.size() + 2 * texels(t))
     }
 }
 
 impl Target {
-    fn new(gpu: &Gpu, size: (u32, u32), counter: Counter) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, size: (u32, u32), counter: Counter, tally: bool) -> Result<Self, GpuError> {
         let texels = u64::from(size.0) * u64::from(size.1);
-        let counts = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("volume counts"),
-            // The stencil needs none; four bytes that nothing counts in.
-            size: if counter == Counter::Wide { 4 * texels } else { 4 },
-            usage: wgpu::BufferUsages::STORAGE
-                | wgpu::BufferUsages::COPY_DST
-                | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
+        let buffer = |label, wanted| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                // Where none is wanted, four bytes that nothing counts in.
+                size: if wanted { 4 * texels } else { 4 },
+                usage: wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_DST
+                    | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            })
+        };
+        let counts = buffer("volume counts", counter == Counter::Wide);
+        let tally = buffer("volume fragments", tally);
         let texture = |label, format, usage| {
             gpu.create_texture(
                 label,
@@ -404,6 +449,6 @@ impl Target {
         let doubts = texture("volume doubts", DOUBTS, wgpu::TextureUsages::COPY_SRC)?;
         let [stencil, doubts_view] =
             [&stencil, &doubts].map(|t| t.create_view(&Default::default()));
-        Ok(Self { size, counts, stencil, doubts, doubts_view })
+        Ok(Self { size, counts, tally, stencil, doubts, doubts_view })
     }
 }

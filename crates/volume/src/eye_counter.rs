@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::technique::{Counted, Start, VolumeTechnique};
 use crate::triangles::Method;
-use crate::{Counter, expectation};
+use crate::{Counter, Savings, expectation};
 
 /// Shadow volumes counted between eye and sample, and added to the number of volumes that contain the eye, which a
 /// compute pass finds (++ZP, *Real-Time Shadows* 2.4.5). Faces are cut off at the eye and not at the near plane, so
@@ -15,6 +15,8 @@ use crate::{Counter, expectation};
 pub struct EyeCounter {
     /// What counts; default wide.
     pub counter: Counter,
+    /// What of volumes is not drawn since it decides nothing, but of those that may contain the eye; default none.
+    pub savings: Savings,
 }
 
 impl EyeCounter {
@@ -29,6 +31,7 @@ impl EyeCounter {
             near_caps: true,
             start: Start::Eye,
             culling: false,
+            savings: self.savings,
         };
         VolumeTechnique::new(gpu, how)
     }

@@ -18,7 +18,8 @@ pub struct Side {
     /// none. A lone triangle has +1 over each edge that it passes from `b` to `a` where the light sees its
     /// corners run counter-clockwise, and -1 where clockwise; over shared edges these add up.
     pub k: i32,
-    /// [`COUNT_IN_FRONT`], or 0.
+    /// [`COUNT_IN_FRONT`], or 0; and twice the number of what the volume belongs to (a triangle, a body), by which its
+    /// limits are found.
     pub flags: u32,
 }
 
@@ -36,7 +37,7 @@ pub struct Cap {
 }
 
 /// Flag: the face is counted if it is in front of the sample (z-pass), not behind it (z-fail). Such volumes have no
-/// far cap.
+/// far cap at infinity.
 pub const COUNT_IN_FRONT: u32 = 1;
 
 /// Room for faces, and the indirect draws over them.
@@ -49,7 +50,7 @@ pub struct VolumeFaces {
     pub sides: wgpu::Buffer,
     /// `array<Cap>`, usage `STORAGE`.
     pub caps: wgpu::Buffer,
-    /// Two draw records of four `u32` each (vertices, 1, 0, 0), usage `INDIRECT` and `STORAGE`: sides, then
+    /// Two draw records of four `u32` each (vertices, slices, 0, 0), usage `INDIRECT` and `STORAGE`: sides, then
     /// caps, with [`VolumeFaces::VERTICES`] a face.
     pub draws: wgpu::Buffer,
     /// Sides that there is room for.
@@ -112,9 +113,9 @@ impl VolumeFaces {
     }
 
     /// Uploads the draw records, where their counts are known on the CPU.
-    pub fn set_draws(&self, gpu: &Gpu, sides: u32, caps: u32) {
+    pub fn set_draws(&self, gpu: &Gpu, sides: u32, caps: u32, slices: u32) {
         let [sides, caps] = [sides, caps].map(|count| Self::VERTICES * count);
-        let records: [u32; 8] = [sides, 1, 0, 0, caps, 1, 0, 0];
+        let records: [u32; 8] = [sides, slices, 0, 0, caps, slices, 0, 0];
         gpu.queue.write_buffer(&self.draws, 0, bytemuck::cast_slice(&records));
     }
 

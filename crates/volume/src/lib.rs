@@ -5,6 +5,7 @@
 //! a line from it (Heidmann 1991).
 
 mod auto;
+mod clamp;
 mod containment;
 mod count;
 mod cull;
@@ -14,6 +15,7 @@ mod eye_counter;
 mod faces;
 mod light;
 mod receivers;
+mod savings;
 pub mod silhouette;
 mod technique;
 mod triangles;
@@ -28,6 +30,7 @@ pub use count::Counter;
 pub use eye_counter::EyeCounter;
 pub use faces::{COUNT_IN_FRONT, Cap, Side, VolumeFaces};
 pub use light::homogeneous_light;
+pub use savings::Savings;
 pub use silhouette::Silhouette;
 pub use technique::VolumeTechnique;
 pub use triangles::{Method, TriangleFaces};

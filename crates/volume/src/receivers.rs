@@ -1,6 +1,7 @@
 //! What the camera sees, as a tree of boxes, by which casters without a visible shadow are found.
 
 use antumbra_gpu::{BindGroupCache, Gpu, GpuError, ViewSamples, bind, entries};
+use glam::Vec4;
 
 /// Room for `size` bytes, or for one element of any kind where that is nothing.
 pub(crate) fn storage(gpu: &Gpu, label: &str, size: u64) -> Result<wgpu::Buffer, GpuError> {
@@ -33,8 +34,9 @@ pub(crate) struct Receivers {
     gather: [wgpu::ComputePipeline; 2],
     layout: wgpu::BindGroupLayout,
     boxes: [wgpu::Buffer; 2],
+    lit: wgpu::Buffer,
     size: Option<(u32, u32)>,
-    group: BindGroupCache<(wgpu::TextureView, wgpu::Buffer)>,
+    group: BindGroupCache<([wgpu::TextureView; 2], wgpu::Buffer)>,
 }
 
 impl Receivers {
@@ -46,6 +48,8 @@ impl Receivers {
                 entries::texels(0, CS, false),
                 entries::write_storage(1, CS),
                 entries::write_storage(2, CS),
+                entries::uniform(3, CS),
+                entries::texels(4, CS, false),
             ],
         });
         let module = gpu.shader("receivers", antumbra_shaders::link("volume::receivers", &[])?);
@@ -54,16 +58,20 @@ impl Receivers {
             gather: [pipeline("gather"), pipeline("gather_blocks")],
             boxes: [storage(gpu, "boxes", 0)?, storage(gpu, "boxes of boxes", 0)?],
             layout,
+            lit: gpu.buffer("light of receivers", &[0; 32], wgpu::BufferUsages::UNIFORM),
             size: None,
             group: BindGroupCache::default(),
         })
     }
 
-    /// Makes room for boxes around `samples`; with `None`, nothing will be gathered.
+    /// Makes room for boxes around `samples`; with `None`, nothing will be gathered. Of no interest are samples that face away
+    /// from the light, homogeneous, or are beyond its range, given by its square and 0 for none.
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
         samples: Option<&ViewSamples>,
+        light: Vec4,
+        range_squared: f32,
     ) -> Result<(), GpuError> {
         let Some(samples) = samples else {
             self.size = None;
@@ -78,8 +86,11 @@ impl Receivers {
             }
         }
         self.size = Some((width, height));
+        let lit = [light.to_array(), [range_squared, 0.0, 0.0, 0.0]];
+        gpu.queue.write_buffer(&self.lit, 0, bytemuck::bytes_of(&lit));
         let [fine, coarse] = &self.boxes;
-        self.group.get((samples.positions_view.clone(), fine.clone()), |(positions, fine)| {
+        let views = [&samples.positions_view, &samples.normals_view].map(Clone::clone);
+        self.group.get((views, fine.clone()), |([positions, normals], fine)| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("receivers"),
                 layout: &self.layout,
@@ -87,6 +98,8 @@ impl Receivers {
                     bind::texture(0, positions),
                     bind::buffer(1, fine),
                     bind::buffer(2, coarse),
+                    bind::buffer(3, &self.lit),
+                    bind::texture(4, normals),
                 ],
             })
         });

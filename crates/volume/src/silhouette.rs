@@ -18,7 +18,7 @@ use glam::{DVec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use crate::receivers::{Receivers, storage};
-use crate::{Method, VolumeFaces};
+use crate::{Method, Savings, VolumeFaces};
 
 pub use technique::{Counted, Silhouette, SilhouetteTechnique};
 
@@ -65,6 +65,8 @@ pub struct FaceRequest<'a> {
     pub by_ones: bool,
     /// What the camera sees. Bodies that shadow none of it are left away; `None` keeps all.
     pub receivers: Option<&'a ViewSamples>,
+    /// What of volumes is not drawn.
+    pub savings: Savings,
 }
 
 /// The passes from triangles and edges to lists of faces.
@@ -107,7 +109,7 @@ impl Work {
         Ok(Self {
             sizes,
             casters: make("casters", 2 * triangles)?,
-            weights: make("edge weights", 2 * edges)?,
+            weights: make("edge weights", 4 * edges)?,
             side_places: make("places of sides", edges + 1)?,
             cap_places: make("places of caps", triangles + 1)?,
             showing: make("bodies' sides", bodies)?,
@@ -209,7 +211,8 @@ impl Silhouettes {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, sizes[0].saturating_mul(3), sizes[0])?),
         };
-        self.receivers.prepare(gpu, request.receivers)?;
+        let range = request.savings.range_squared();
+        self.receivers.prepare(gpu, request.receivers, request.light, range)?;
         self.side_scan.prepare(gpu, &work.side_places, sizes[1] + 1)?;
         self.cap_scan.prepare(gpu, &work.cap_places, sizes[0] + 1)?;
         let params = self.params(sizes, request);
@@ -260,7 +263,7 @@ impl Silhouettes {
             eye: request.eye.as_vec3().extend(1.0).to_array(),
             how: [triangles, edges, bodies, method],
             list: [VolumeFaces::VERTICES, request.by_ones.into(), halve.into(), cull.into()],
-            view: [width, height, 0, 0],
+            view: [width, height, request.savings.instances(), 0],
         }
     }
 
@@ -330,7 +333,8 @@ impl Silhouettes {
     /// A lost device.
     pub fn read_weights(&self, gpu: &Gpu) -> Result<Vec<[i32; 2]>, GpuError> {
         let Some(work) = &self.work else { return Ok(Vec::new()) };
-        read(gpu, &work.weights, work.sizes[1] as usize)
+        let weights: Vec<[i32; 4]> = read(gpu, &work.weights, work.sizes[1] as usize)?;
+        Ok(weights.into_iter().map(|[behind, in_front, ..]| [behind, in_front]).collect())
     }
 
     /// Bytes of GPU memory held, without the faces.

@@ -2,14 +2,15 @@
 
 use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 
-use crate::VolumeFaces;
+use crate::clamp::{Clamp, ClampRequest};
 use crate::count::{Counter, Counting, Draw, Eye, Request};
 use crate::cull::Cull;
 use crate::light::{contact, homogeneous_light, perspective, triangles};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
+use crate::{Savings, VolumeFaces};
 
 /// How a [`VolumeTechnique`] counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Counted {
     pub(crate) counter: Counter,
     pub(crate) method: Method,
@@ -18,6 +19,7 @@ pub(crate) struct Counted {
     /// Whether volumes that contain nothing in view are left away; not for counts in front of samples alone, from
     /// which the eye's own may not be left away.
     pub(crate) culling: bool,
+    pub(crate) savings: Savings,
 }
 
 impl Counted {
@@ -51,6 +53,7 @@ pub struct VolumeTechnique {
     counting: Counting,
     eye: Option<TrianglePass>,
     cull: Option<Cull>,
+    clamp: Option<Clamp>,
     counters: Counters,
 }
 
@@ -62,13 +65,16 @@ impl VolumeTechnique {
             }
             Eye::Apart => None,
         };
+        // Limits leave away too what the plain pass would.
+        let limits = how.savings.limits();
         Ok(Self {
             how,
             eye,
-            cull: if how.culling { Some(Cull::new(gpu)?) } else { None },
+            cull: if how.culling && !limits { Some(Cull::new(gpu)?) } else { None },
+            clamp: if limits { Some(Clamp::new(gpu, how.savings)?) } else { None },
             producer: TriangleFaces::new(gpu)?,
             faces: None,
-            counting: Counting::new(gpu, how.counter)?,
+            counting: Counting::new(gpu, how.counter, how.savings)?,
             counters: Counters::new(),
         })
     }
@@ -92,9 +98,16 @@ impl Technique for VolumeTechnique {
         let view = perspective(frame)?;
         let light = homogeneous_light(frame);
         let method = self.how.method;
-        self.producer.prepare(gpu, &triangles, light, view.camera.eye, method, &mut self.faces)?;
+        let instances = self.how.savings.instances();
+        let eye = view.camera.eye;
+        self.producer.prepare(gpu, &triangles, light, eye, method, instances, &mut self.faces)?;
+        let contact = contact(frame);
         if let Some(cull) = &mut self.cull {
             cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
+        }
+        if let Some(clamp) = &mut self.clamp {
+            let (samples, volumes) = (frame.samples, triangles.triangles);
+            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
         }
         if let Some(eye) = &mut self.eye {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
@@ -106,7 +119,7 @@ impl Technique for VolumeTechnique {
             light,
             near,
             eye: self.how.eye(),
-            contact: contact(frame),
+            contact,
         };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
@@ -130,12 +143,16 @@ impl Technique for VolumeTechnique {
         if let Some(cull) = &mut self.cull {
             cull.encode(gpu, recorder, &triangles, faces);
         }
+        if let Some(clamp) = &mut self.clamp {
+            clamp.encode_triangles(gpu, recorder, &triangles, faces);
+        }
         if let Some(eye) = &mut self.eye {
             recorder.encoder.clear_buffer(self.counting.eye_count(), 0, None);
             eye.encode(gpu, recorder, &triangles, &[self.counting.eye_count()]);
         }
         // Under parallel light a volume narrows to a point at infinity.
-        let far_caps = self.how.method != Method::InFront && frame.light.position().is_some();
+        let at_infinity = self.how.method != Method::InFront && frame.light.position().is_some();
+        let far_caps = at_infinity || self.how.savings.far;
         let draw = Draw {
             triangles,
             faces,
@@ -144,6 +161,7 @@ impl Technique for VolumeTechnique {
             far_caps,
             cast_caps: self.how.start == Start::NearPlane,
             eye: self.how.eye(),
+            limits: self.clamp.as_ref().map(Clamp::limits),
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -168,11 +186,18 @@ impl Technique for VolumeTechnique {
         if let Some(cull) = &self.cull {
             counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
         }
+        if let Some(clamp) = &self.clamp {
+            counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
+        }
+        if let Some(fragments) = self.counting.read_fragments(gpu)? {
+            counters.extend([("volume_fragments", fragments)]);
+        }
         Ok(counters)
     }
 
     fn bytes(&self) -> u64 {
         let faces = self.faces.as_ref().map_or(0, VolumeFaces::bytes);
-        self.counting.bytes() + faces + self.cull.as_ref().map_or(0, Cull::bytes)
+        let clamp = self.clamp.as_ref().map_or(0, Clamp::bytes);
+        self.counting.bytes() + faces + clamp + self.cull.as_ref().map_or(0, Cull::bytes)
     }
 }

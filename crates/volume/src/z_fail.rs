@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::technique::{Counted, Start, VolumeTechnique};
 use crate::triangles::Method;
-use crate::{Counter, expectation};
+use crate::{Counter, Savings, expectation};
 
 /// Shadow volumes counted behind the sample, up to infinity (Bilodeau and Songy 1998; Carmack 2000): the number of
 /// volumes that contain the sample, wherever the eye is and whatever the near plane cuts.
@@ -18,11 +18,13 @@ pub struct ZFail {
     /// Decoret 2005); default true. Costs a reduction of the view samples and a few sphere tests a triangle, and
     /// changes no bit of the answer.
     pub culling: bool,
+    /// What of volumes is not drawn since it decides nothing; default none.
+    pub savings: Savings,
 }
 
 impl Default for ZFail {
     fn default() -> Self {
-        Self { counter: Counter::default(), culling: true }
+        Self { counter: Counter::default(), culling: true, savings: Savings::default() }
     }
 }
 
@@ -38,6 +40,7 @@ impl ZFail {
             near_caps: true,
             start: Start::Zero,
             culling: self.culling,
+            savings: self.savings,
         };
         VolumeTechnique::new(gpu, how)
     }

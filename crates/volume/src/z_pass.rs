@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::technique::{Counted, Start, VolumeTechnique};
 use crate::triangles::Method;
-use crate::{Counter, expectation};
+use crate::{Counter, Savings, expectation};
 
 /// Shadow volumes counted between eye and sample (Crow 1977; Heidmann 1991): how many more volumes contain the sample
 /// than contain the eye. That is right where no volume contains the eye; elsewhere the picture is wrong as a whole.
@@ -18,6 +18,8 @@ pub struct ZPass {
     /// published: they cost a triangle a volume. Without them a caster that the camera does not see, or sees only
     /// before its near plane, shadows wrongly.
     pub near_caps: bool,
+    /// What of volumes is not drawn since it decides nothing, but of those that may contain the eye; default none.
+    pub savings: Savings,
 }
 
 impl ZPass {
@@ -32,6 +34,7 @@ impl ZPass {
             near_caps: self.near_caps,
             start: Start::Zero,
             culling: false,
+            savings: self.savings,
         };
         VolumeTechnique::new(gpu, how)
     }

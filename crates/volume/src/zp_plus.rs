@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::technique::{Counted, Start, VolumeTechnique};
 use crate::triangles::Method;
-use crate::{Counter, expectation};
+use crate::{Counter, Savings, expectation};
 
 /// Shadow volumes counted between near plane and sample, and added to the number of volumes at each pixel's point of
 /// the near plane, found by drawing the casters from the light onto it (Hornus, Hoberock, Lefebvre and Hart 2005).
@@ -30,6 +30,8 @@ impl ZpPlus {
             near_caps: true,
             start: Start::NearPlane,
             culling: false,
+            // Each pixel counts from its own point of the near plane, where no volume may be left away.
+            savings: Savings::default(),
         };
         VolumeTechnique::new(gpu, how)
     }

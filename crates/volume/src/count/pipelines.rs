@@ -20,6 +20,8 @@ pub(super) fn draw_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
             entries::texels(5, VS | FS, false),
             entries::texels(6, FS, false),
             entries::write_storage(7, FS),
+            entries::storage(8, VS),
+            entries::write_storage(9, FS),
         ],
     })
 }

@@ -6,9 +6,10 @@ use antumbra_gpu::{
 use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
+use crate::clamp::{Clamp, ClampRequest};
 use crate::count::{Counting, Draw, Eye, Request};
 use crate::light::{contact, homogeneous_light, perspective, triangles};
-use crate::{Counter, Method, VolumeFaces};
+use crate::{Counter, Method, Savings, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,8 @@ pub struct Silhouette {
     /// and Decoret 2005); default true. Costs a reduction of the view samples and a few sphere tests a body, and
     /// changes no bit of the answer.
     pub culling: bool,
+    /// What of volumes is not drawn since it decides nothing; default none.
+    pub savings: Savings,
 }
 
 impl Default for Silhouette {
@@ -34,6 +37,7 @@ impl Default for Silhouette {
             method: Counted::default(),
             counter: Counter::default(),
             culling: true,
+            savings: Savings::default(),
         }
     }
 }
@@ -60,7 +64,8 @@ impl Silhouette {
             config: *self,
             silhouettes: Silhouettes::new(gpu, self.meshes)?,
             faces: None,
-            counting: Counting::new(gpu, self.counter)?,
+            counting: Counting::new(gpu, self.counter, self.savings)?,
+            clamp: if self.savings.limits() { Some(Clamp::new(gpu, self.savings)?) } else { None },
             counters: Counters::new(),
         })
     }
@@ -83,6 +88,7 @@ pub struct SilhouetteTechnique {
     silhouettes: Silhouettes,
     faces: Option<VolumeFaces>,
     counting: Counting,
+    clamp: Option<Clamp>,
     counters: Counters,
 }
 
@@ -128,16 +134,22 @@ impl Technique for SilhouetteTechnique {
             },
             by_ones: self.config.counter == Counter::Stencil,
             receivers: self.config.culling.then_some(frame.samples),
+            savings: self.config.savings,
         };
         let edges = edges(gpu, frame)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
+        let (eye, contact) = (view.camera.eye, contact(frame));
+        if let Some(clamp) = &mut self.clamp {
+            let (samples, volumes) = (frame.samples, edges.body_count);
+            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
+        }
         let request = Request {
             samples: frame.samples,
             view,
             light,
             near: 0.0,
             eye: Eye::Apart,
-            contact: contact(frame),
+            contact,
         };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
@@ -157,6 +169,9 @@ impl Technique for SilhouetteTechnique {
                 fix: "call `prepare` with this frame before `encode`",
             });
         };
+        if let Some(clamp) = &mut self.clamp {
+            clamp.encode_bodies(gpu, recorder, edges(gpu, frame)?);
+        }
         self.silhouettes.encode(recorder)?;
         let draw = Draw {
             triangles,
@@ -164,9 +179,10 @@ impl Technique for SilhouetteTechnique {
             samples: frame.samples,
             near_caps: true,
             // Under parallel light a volume narrows to a point at infinity.
-            far_caps: frame.light.position().is_some(),
+            far_caps: frame.light.position().is_some() || self.config.savings.far,
             cast_caps: false,
             eye: Eye::Apart,
+            limits: self.clamp.as_ref().map(Clamp::limits),
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
@@ -193,11 +209,18 @@ impl Technique for SilhouetteTechnique {
             ("casting_bodies", bodies),
             ("doubtful_samples", self.counting.read_doubts(gpu)?),
         ]);
+        if let Some(clamp) = &self.clamp {
+            counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
+        }
+        if let Some(fragments) = self.counting.read_fragments(gpu)? {
+            counters.extend([("volume_fragments", fragments)]);
+        }
         Ok(counters)
     }
 
     fn bytes(&self) -> u64 {
         let faces = self.faces.as_ref().map_or(0, VolumeFaces::bytes);
-        self.silhouettes.bytes() + self.counting.bytes() + faces
+        let clamp = self.clamp.as_ref().map_or(0, Clamp::bytes);
+        self.silhouettes.bytes() + self.counting.bytes() + faces + clamp
     }
 }
