@@ -110,7 +110,10 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(Permutation { name: name.to_owned(), root, slots: vec![module("chart", chart)] });
     }
     for (name, slots) in [
-        ("plain", vec![("volume::limits", "volume::no_limits"), ("volume::tally", "volume::no_tally")]),
+        (
+            "plain",
+            vec![("volume::limits", "volume::no_limits"), ("volume::tally", "volume::no_tally")],
+        ),
         ("limits", vec![("volume::tally", "volume::no_tally")]),
         ("tally", vec![("volume::limits", "volume::no_limits")]),
     ] {

@@ -72,9 +72,8 @@ impl Clamp {
         ];
         let module = gpu.shader("volume/clamp", antumbra_shaders::link("volume::clamp", &[])?);
         let [of_triangles, of_bodies, of_boxes] = &layouts;
-        let pipeline = |entry, own| {
-            gpu.compute_pipeline("volume/clamp", &module, entry, &[own, of_boxes])
-        };
+        let pipeline =
+            |entry, own| gpu.compute_pipeline("volume/clamp", &module, entry, &[own, of_boxes]);
         Ok(Self {
             savings,
             receivers: Receivers::new(gpu)?,
@@ -99,9 +98,13 @@ impl Clamp {
     ///
     /// # Errors
     /// A failed allocation.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, request: &ClampRequest<'_>) -> Result<(), GpuError> {
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        request: &ClampRequest<'_>,
+    ) -> Result<(), GpuError> {
         let ClampRequest { samples, volumes, light, eye, contact } = *request;
-        self.receivers.prepare(gpu, Some(samples), light, self.savings.range_squared())?;
+        self.receivers.prepare(gpu, Some(samples), light)?;
         let room = LIMIT * u64::from(volumes);
         if self.limits.size() < room {
             self.limits = storage(gpu, "limits of volumes", room)?;
@@ -128,12 +131,8 @@ impl Clamp {
         triangles: &CasterTriangles<'_>,
         faces: &VolumeFaces,
     ) {
-        let own = [
-            (1, triangles.positions),
-            (2, triangles.indices),
-            (3, &faces.sides),
-            (4, &faces.caps),
-        ];
+        let own =
+            [(1, triangles.positions), (2, triangles.indices), (3, &faces.sides), (4, &faces.caps)];
         self.encode(gpu, recorder, 0, &own);
     }
 

@@ -206,12 +206,7 @@ impl Counting {
             rows: [rows.x_axis, rows.y_axis, rows.w_axis].map(row),
             light: light.to_array(),
             eye: view.camera.eye.as_vec3().extend(1.0).to_array(),
-            how: [
-                near as f32,
-                contact,
-                self.savings.instances() as f32,
-                self.savings.range_squared(),
-            ],
+            how: [near as f32, contact, self.savings.instances() as f32, 0.0],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));

@@ -77,7 +77,7 @@ impl Cull {
         triangles: u32,
         light: Vec4,
     ) -> Result<(), GpuError> {
-        self.receivers.prepare(gpu, Some(samples), light, 0.0)?;
+        self.receivers.prepare(gpu, Some(samples), light)?;
         let row;
         (self.dispatch, row) = dispatch(gpu, triangles);
         let (width, height) = samples.size();

@@ -58,20 +58,19 @@ impl Receivers {
             gather: [pipeline("gather"), pipeline("gather_blocks")],
             boxes: [storage(gpu, "boxes", 0)?, storage(gpu, "boxes of boxes", 0)?],
             layout,
-            lit: gpu.buffer("light of receivers", &[0; 32], wgpu::BufferUsages::UNIFORM),
+            lit: gpu.buffer("light of receivers", &[0; 16], wgpu::BufferUsages::UNIFORM),
             size: None,
             group: BindGroupCache::default(),
         })
     }
 
     /// Makes room for boxes around `samples`; with `None`, nothing will be gathered. Of no interest are samples that face away
-    /// from the light, homogeneous, or are beyond its range, given by its square and 0 for none.
+    /// from the light, homogeneous.
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
         samples: Option<&ViewSamples>,
         light: Vec4,
-        range_squared: f32,
     ) -> Result<(), GpuError> {
         let Some(samples) = samples else {
             self.size = None;
@@ -86,8 +85,7 @@ impl Receivers {
             }
         }
         self.size = Some((width, height));
-        let lit = [light.to_array(), [range_squared, 0.0, 0.0, 0.0]];
-        gpu.queue.write_buffer(&self.lit, 0, bytemuck::bytes_of(&lit));
+        gpu.queue.write_buffer(&self.lit, 0, bytemuck::bytes_of(&light.to_array()));
         let [fine, coarse] = &self.boxes;
         let views = [&samples.positions_view, &samples.normals_view].map(Clone::clone);
         self.group.get((views, fine.clone()), |([positions, normals], fine)| {

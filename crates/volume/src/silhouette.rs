@@ -211,8 +211,7 @@ impl Silhouettes {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, sizes[0].saturating_mul(3), sizes[0])?),
         };
-        let range = request.savings.range_squared();
-        self.receivers.prepare(gpu, request.receivers, request.light, range)?;
+        self.receivers.prepare(gpu, request.receivers, request.light)?;
         self.side_scan.prepare(gpu, &work.side_places, sizes[1] + 1)?;
         self.cap_scan.prepare(gpu, &work.cap_places, sizes[0] + 1)?;
         let params = self.params(sizes, request);

@@ -98,14 +98,15 @@ impl Technique for VolumeTechnique {
         let view = perspective(frame)?;
         let light = homogeneous_light(frame);
         let method = self.how.method;
-        let instances = self.how.savings.instances();
         let eye = view.camera.eye;
-        self.producer.prepare(gpu, &triangles, light, eye, method, instances, &mut self.faces)?;
+        self.producer.prepare(gpu, &triangles, light, eye, method, &mut self.faces)?;
         let contact = contact(frame);
         if let Some(cull) = &mut self.cull {
             cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
         }
-        if let Some(clamp) = &mut self.clamp {
+        if let (Some(clamp), Some(faces)) = (&mut self.clamp, &self.faces) {
+            let count = triangles.triangles;
+            faces.set_draws(gpu, 3 * count, count, self.how.savings.instances());
             let (samples, volumes) = (frame.samples, triangles.triangles);
             clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
         }
@@ -113,14 +114,8 @@ impl Technique for VolumeTechnique {
             eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
         }
         let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
-        let request = Request {
-            samples: frame.samples,
-            view,
-            light,
-            near,
-            eye: self.how.eye(),
-            contact,
-        };
+        let request =
+            Request { samples: frame.samples, view, light, near, eye: self.how.eye(), contact };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
 

@@ -150,7 +150,7 @@ impl TriangleFaces {
     }
 
     /// Uploads what the pass needs to know, and makes `faces` anew where they have no room. `light` is homogeneous
-    /// ([`crate::homogeneous_light`]), `eye` relative to the frame's origin, `instances` those of each draw.
+    /// ([`crate::homogeneous_light`]), `eye` relative to the frame's origin.
     ///
     /// # Errors
     /// More triangles than one buffer takes faces.
@@ -161,7 +161,6 @@ impl TriangleFaces {
         light: Vec4,
         eye: DVec3,
         method: Method,
-        instances: u32,
         faces: &mut Option<VolumeFaces>,
     ) -> Result<(), GpuError> {
         let count = triangles.triangles;
@@ -169,7 +168,7 @@ impl TriangleFaces {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, count.saturating_mul(3), count)?),
         };
-        faces.set_draws(gpu, 3 * count, count, instances);
+        faces.set_draws(gpu, 3 * count, count, 1);
         self.0.prepare(gpu, count, light, eye, method);
         Ok(())
     }

@@ -140,9 +140,9 @@ fn volumes_of_nothing_in_view_are_left_away_and_change_nothing() {
             let [all, left] = [false, true].map(|culling| {
                 let counter = Counter::default();
                 let config: Box<dyn TechniqueConfig> = if method {
-                    Box::new(Auto { counter, culling })
+                    Box::new(Auto { counter, culling, ..Auto::default() })
                 } else {
-                    Box::new(ZFail { counter, culling })
+                    Box::new(ZFail { counter, culling, ..ZFail::default() })
                 };
                 let mut technique = config.build(&gpu).expect("a valid config");
                 stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot")

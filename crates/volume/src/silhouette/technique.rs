@@ -143,14 +143,8 @@ impl Technique for SilhouetteTechnique {
             let (samples, volumes) = (frame.samples, edges.body_count);
             clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
         }
-        let request = Request {
-            samples: frame.samples,
-            view,
-            light,
-            near: 0.0,
-            eye: Eye::Apart,
-            contact,
-        };
+        let request =
+            Request { samples: frame.samples, view, light, near: 0.0, eye: Eye::Apart, contact };
         self.counting.prepare(gpu, &request, triangles.triangles)
     }
 
