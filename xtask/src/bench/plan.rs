@@ -129,6 +129,8 @@ fn entries() -> Vec<Entry> {
     let masked = MapConfig { receiver_mask: true, ..MapConfig::default() };
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let cascades = |fit, select| Config::Cascades(Cascades { fit, select, ..Default::default() });
+    let over = |of| Config::Cascades(Cascades { of: Box::new(of), ..Default::default() });
+    let one_tap = PcfBilinearGrid { side: 1, ..Default::default() };
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
@@ -146,10 +148,7 @@ fn entries() -> Vec<Entry> {
             variant("paraboloid", grid(Omni::DualParaboloid)),
             variant("5", Config::PcfGrid(PcfGrid { side: 5, ..Default::default() })),
             variant("7", Config::PcfGrid(PcfGrid { side: 7, ..Default::default() })),
-            variant(
-                "1",
-                Config::PcfBilinearGrid(PcfBilinearGrid { side: 1, ..Default::default() }),
-            ),
+            variant("1", Config::PcfBilinearGrid(one_tap)),
             variant(
                 "5",
                 Config::PcfBilinearGrid(PcfBilinearGrid { side: 5, ..Default::default() }),
@@ -171,16 +170,9 @@ fn entries() -> Vec<Entry> {
             variant("tight", cascades(CascadeFit::Tight, Select::Map)),
             variant("warped", cascades(CascadeFit::Warped, Select::Map)),
             variant("by-depth", cascades(CascadeFit::Steady, Select::Depth)),
-            variant(
-                "pcf",
-                Config::Cascades(Cascades {
-                    of: Box::new(Config::PcfBilinearGrid(PcfBilinearGrid {
-                        side: 1,
-                        ..Default::default()
-                    })),
-                    ..Default::default()
-                }),
-            ),
+            variant("pcf", over(Config::PcfBilinearGrid(one_tap))),
+            variant("pcss", over(Config::Pcss(Pcss::default()))),
+            variant("bitmask", over(Config::Bitmask(Bitmask::default()))),
         ])
         .collect()
 }
