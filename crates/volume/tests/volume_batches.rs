@@ -37,23 +37,26 @@ impl Random {
 
 const TRIANGLES: usize = 1024;
 
-/// Clusters of triangles of all sizes: ordinary ones, needles, and such as the light sees nearly edge-on.
+/// Clusters in a row, each a batch: ordinary triangles, or bundles of needles or of such as the light sees nearly edge-on, about one
+/// edge, so that the box is no larger than they are.
 fn soup(light: DVec4, random: &mut Random) -> Vec<[DVec3; 3]> {
     let mut soup = Vec::new();
-    let (mut center, mut size) = (DVec3::ZERO, 1.0);
-    for i in 0..TRIANGLES {
-        if i % 64 == 0 {
-            (center, size) = (3.0 * random.point(), random.decade(-2.0, 0.0));
+    for cluster in 0..TRIANGLES / 64 {
+        let center = DVec3::new(cluster as f64 - 8.0, 0.0, 0.0) + 0.3 * random.point();
+        let size = random.decade(-2.0, -0.7);
+        let edge = size * random.point();
+        for _ in 0..64 {
+            let spread = if cluster % 3 == 0 { size } else { 1e-3 * size };
+            let a = center + spread * random.point();
+            let b = a + edge + spread * random.point();
+            let beside = random.decade(-7.0, -3.0) * size * random.point();
+            let c = match cluster % 3 {
+                0 => a + size * random.point(),
+                1 => a + random.unit() * (b - a) + beside,
+                _ => a + size * (light.truncate() - light.w * a).normalize() + beside,
+            };
+            soup.push([a, b, c].map(|v| v.as_vec3().as_dvec3()));
         }
-        let a = center + size * random.point();
-        let b = a + size * random.point();
-        let beside = random.decade(-7.0, -2.0) * size * random.point();
-        let c = match i / 64 % 3 {
-            0 => a + size * random.point(),
-            1 => a + random.unit() * (b - a) + beside,
-            _ => a + size * (light.truncate() - light.w * a).normalize() + beside,
-        };
-        soup.push([a, b, c].map(|v| v.as_vec3().as_dvec3()));
     }
     soup
 }
