@@ -81,6 +81,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::eye",
         "volume::resolve",
         "volume::triangle",
+        "volume::batches",
         "volume::doubtful",
         "volume::receivers",
         "volume::cull",

@@ -196,7 +196,7 @@ impl MeshSet {
     ) {
         let uniform = CameraUniform {
             clip: camera.clip.as_mat4().to_cols_array_2d(),
-            eye: camera.eye.as_vec3().extend(1.0).to_array(),
+            eye: camera.homogeneous_eye().as_vec4().to_array(),
         };
         gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&uniform));
         let target = |view| {

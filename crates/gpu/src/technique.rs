@@ -38,6 +38,24 @@ pub struct ViewCamera {
     pub eye: DVec3,
 }
 
+impl ViewCamera {
+    /// Where lines of sight come from: the eye's position and 1, or where they are parallel the unit direction to there
+    /// and 0.
+    #[must_use]
+    pub fn homogeneous_eye(&self) -> DVec4 {
+        let rows = self.clip.transpose();
+        let [x, y, w] = [rows.x_axis, rows.y_axis, rows.w_axis].map(DVec4::truncate);
+        if w != DVec3::ZERO {
+            return self.eye.extend(1.0);
+        }
+        // They lead from the eye's side into the picture, whichever way depth runs.
+        let line = x.cross(y).normalize_or_zero();
+        let middle = self.clip.inverse() * DVec4::new(0.0, 0.0, 0.5, 1.0);
+        let side = line.dot(self.eye - middle.truncate() / middle.w);
+        (line * side.signum()).extend(0.0)
+    }
+}
+
 /// Checks that a light is one.
 ///
 /// # Errors

@@ -1,4 +1,5 @@
-//! The scaling suite: error and time against the size of the map, and against the side of a filter.
+//! The scaling suite: error and time against the size of the map, against the side of a filter, and of shadow volumes
+//! against what they are made of.
 
 use antumbra::Config;
 use antumbra_gpu::Gpu;
@@ -11,6 +12,7 @@ use glam::DAffine3;
 use indicatif::ProgressBar;
 
 use super::plan::{Entry, Plan, Subject};
+use super::scaling_volumes;
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
 /// Sides of the map, texels.
@@ -26,12 +28,21 @@ struct Sweep {
     entries: Vec<Entry>,
 }
 
+fn has_map(entry: &Entry) -> bool {
+    let mut sized = entry.config.clone();
+    MAP_SIZES.iter().any(|size| {
+        sized.set_map_size(*size);
+        sized != entry.config
+    })
+}
+
 fn sweeps(plan: &Plan) -> Vec<Sweep> {
     let map_size = Sweep {
         parameter: "map_size",
         values: &MAP_SIZES,
         set: |config, size| config.set_map_size(size),
-        entries: plan.techniques.clone(),
+        // The others would be the same at every size.
+        entries: plan.techniques.iter().filter(|entry| has_map(entry)).cloned().collect(),
     };
     let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
     let kernel_side = Sweep {
@@ -68,6 +79,7 @@ pub(super) fn subject() -> Subject {
 pub(super) fn steps(plan: &Plan) -> usize {
     let points = |sweep: &Sweep| sweep.values.len() * sweep.entries.len();
     plan.scenes.len() * plan.lights.len() * sweeps(plan).iter().map(points).sum::<usize>()
+        + scaling_volumes::steps(plan)
 }
 
 /// Measures every curve of the plan.
@@ -119,11 +131,12 @@ pub(super) fn measure(
             }
         }
     }
+    curves.extend(scaling_volumes::measure(gpu, plan, progress)?);
     Ok(curves)
 }
 
 /// Runs the techniques in turn, again and again, so that whatever else the machine does hits all alike.
-fn shoot(
+pub(super) fn shoot(
     gpu: &Gpu,
     plan: &Plan,
     stage: &Stage,
@@ -140,13 +153,19 @@ fn shoot(
             if round == 0 {
                 shot.visibility = session.visibility(gpu)?;
                 shot.bytes = technique.bytes();
+                shot.counters = technique.read_counters(gpu)?;
             }
         }
     }
     Ok(shots)
 }
 
-fn point(value: u32, shot: &Shot, truth: &Truth, width: u32) -> anyhow::Result<ScalingPoint> {
+pub(super) fn point(
+    value: u32,
+    shot: &Shot,
+    truth: &Truth,
+    width: u32,
+) -> anyhow::Result<ScalingPoint> {
     let comparison = Comparison {
         estimate: &shot.visibility,
         reference: &truth.visibility,
@@ -160,5 +179,6 @@ fn point(value: u32, shot: &Shot, truth: &Truth, width: u32) -> anyhow::Result<S
         rmse: Some(metrics.rmse),
         gpu_ms: Spread::of(&shot.gpu_ms).map(|s| s.median),
         bytes: Some(shot.bytes),
+        work: shot.counters.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect(),
     })
 }
