@@ -88,6 +88,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::silhouettes",
         "map::cull_clusters",
         "map::peel",
+        "map::scan_lines",
         "map::between",
         "map::draw_ids",
         "sampling::matched_request",
@@ -332,12 +333,22 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
     let core = |values: &[i32]| source("config", castano_constants(values));
     let loaded = module("store", "common::depth_map");
     let compared = module("store", "common::compare_map");
+    let gathered = module("store", "common::gather_map");
     let separable = module("estimator", "filter::separable");
     let taps = module("estimator", "filter::hardware_castano");
     let kernel = |path| module("kernel", path);
     let mut all = vec![
         ("nearest", vec![loaded.clone(), module("estimator", "map::nearest")]),
-        ("hardware", vec![compared.clone(), module("estimator", "filter::hardware")]),
+        (
+            "scan-lines",
+            vec![
+                loaded.clone(),
+                module("common::depth_map", "map::scan_line_map"),
+                module("estimator", "map::nearest"),
+            ],
+        ),
+        ("hardware", vec![gathered, module("estimator", "filter::hardware")]),
+        ("hardware-comparison", vec![compared.clone(), module("estimator", "filter::hardware")]),
         (
             "poisson",
             vec![

@@ -141,8 +141,12 @@ fn window(stage: &Stage, light: &Light, map: &Virtual) -> DMat4 {
     let frame = stage.frame(light);
     let (mut hull, mut receivers, mut boxes) = (Vec::new(), Vec::<Bounds>::new(), Vec::new());
     stage.meshes.hull(light, &mut |p| hull.push(p));
-    stage.meshes.receivers(&mut |b| receivers.push(b));
-    stage.meshes.boxes(light, &mut |b| boxes.push(b));
+    stage.meshes.bodies(&mut |body| {
+        receivers.extend(body.parts);
+        if body.can_cast(light) {
+            boxes.extend(body.parts);
+        }
+    });
     let camera = frame.camera.expect("a camera");
     let region = VisibleRegion::new(&camera, &receivers, frame.origin).expect("something is seen");
     let sight = Sight { region: &region, casters: &boxes };

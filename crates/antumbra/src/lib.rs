@@ -123,6 +123,8 @@ techniques! {
     ObjectId(antumbra_map::ObjectId) = "map/object-id",
     /// The texel's triangle itself.
     TriangleDepth(antumbra_map::TriangleDepth) = "map/triangle-depth",
+    /// Spans of depth along the map's rows.
+    ScanLines(antumbra_map::ScanLines) = "map/scan-lines",
     /// The hardware's polygon offset.
     SlopeBias(antumbra_map::SlopeBias) = "map/slope-bias",
     /// The receiver moved along its normal.

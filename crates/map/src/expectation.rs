@@ -154,6 +154,8 @@ fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option
         | "HC-10 triangles below a texel" => Holds { bound: 0.0 },
         // All f32 positions are relative to an origin near the scene.
         "HC-14 far from the origin" => Holds { bound: 0.0 },
+        // Casters beyond the hull of what is seen and the light move no window, and are behind every receiver.
+        "HC-28 downstairs" => Holds { bound: 0.0 },
         // A map knows neither eye nor near plane nor far plane, nor how many casters lie upon one another.
         "HC-15 eye in shadow"
         | "HC-16 boundary near the eye"

@@ -59,12 +59,13 @@ impl Resolve {
         });
         let map = match estimator.read {
             MapRead::Comparison => entries::depth_array(1, CS),
-            MapRead::Texels => entries::texels(1, CS, true),
+            MapRead::Texels | MapRead::Gathered => entries::texels(1, CS, true),
             MapRead::Filtered => entries::filterable_array(1, CS),
             MapRead::Unsigned => entries::unsigned_array(1, CS),
         };
         let (sampling, compare) = match estimator.read {
             MapRead::Filtered => (entries::filtering_sampler(2, CS), None),
+            MapRead::Gathered => (entries::nearest_sampler(2, CS), None),
             _ => (entries::comparison_sampler(2, CS), Some(convention.compare())),
         };
         let map_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -87,10 +88,14 @@ impl Resolve {
             compilation_options: Default::default(),
             cache: None,
         });
+        let filter = match estimator.read {
+            MapRead::Gathered => wgpu::FilterMode::Nearest,
+            _ => wgpu::FilterMode::Linear,
+        };
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow map"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
+            mag_filter: filter,
+            min_filter: filter,
             compare,
             ..Default::default()
         });

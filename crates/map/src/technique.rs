@@ -392,7 +392,7 @@ fn one_texel(gpu: &Gpu, read: MapRead) -> Result<wgpu::TextureView, GpuError> {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: match read {
-                MapRead::Comparison | MapRead::Texels => ShadowMap::FORMAT,
+                MapRead::Comparison | MapRead::Gathered | MapRead::Texels => ShadowMap::FORMAT,
                 MapRead::Filtered => wgpu::TextureFormat::Rgba16Float,
                 MapRead::Unsigned => wgpu::TextureFormat::R32Uint,
             },

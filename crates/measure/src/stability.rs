@@ -17,6 +17,7 @@ mod line;
 mod motion;
 mod seams;
 mod seen;
+mod storeys;
 mod topology;
 mod viewed;
 
@@ -362,6 +363,12 @@ pub const CASES: &[Case] = &[
         about: "the camera looks through a plate that its near plane cuts off: the shadow is there all the same",
         number: WRONG,
         measure: viewed::caster_not_seen,
+    },
+    Case {
+        name: "HC-28 downstairs",
+        about: "a thousand cubes on the floor below are nothing to the shadows under a lamp upstairs",
+        number: "share of the samples upstairs that the cubes change",
+        measure: |gpu, technique, _| storeys::downstairs(gpu, technique),
     },
     Case {
         name: "HC-31 wire below a texel",

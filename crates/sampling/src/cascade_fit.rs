@@ -84,9 +84,11 @@ impl<'a> Slices<'a> {
         let casters = [0, 1, 2].map(|i| along(&points, i));
         let (mut all, mut nearest) = (Bounds::EMPTY, f64::INFINITY);
         let place = eye.position + fitting.origin;
-        let known = frame.casters.receivers(&mut |b| {
-            all = all.union(b);
-            nearest = nearest.min(place.clamp(b.min, b.max).distance(place));
+        let known = frame.casters.bodies(&mut |body| {
+            all = all.union(body.bounds);
+            for part in body.parts {
+                nearest = nearest.min(place.clamp(part.min, part.max).distance(place));
+            }
         });
         if !known || all.is_empty() {
             return None;

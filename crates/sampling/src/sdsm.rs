@@ -242,8 +242,8 @@ impl Refit for Passes {
         // Samples beyond these depths count as at them. Receivers may be farther than casters, but what is shadowed
         // is seldom farther by more than twice.
         let mut far = 2.0 * casters;
-        frame.casters.receivers(&mut |b| {
-            let corners = b.corners().map(|p| (p - frame.origin).distance(eye.position));
+        frame.casters.bodies(&mut |body| {
+            let corners = body.bounds.corners().map(|p| (p - frame.origin).distance(eye.position));
             far = corners.into_iter().fold(far, f64::max);
         });
         let far = far.min(eye.far).max(eye.near * 2.0);
