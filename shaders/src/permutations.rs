@@ -37,6 +37,7 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
         vec![
             module("layout", path),
             module("map::shadow", "sampling::cascade_shadow"),
+            module("map::looked_up", "sampling::cascade_looked_up"),
             source("cascades", "const CASCADES: i32 = 4;"),
         ]
     };

@@ -5,9 +5,10 @@ use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson};
 use antumbra_gpu::{
     Expectation, Frame, Gpu, MeshSet, Recorder, Technique, ViewSamples, read_f32_texture,
 };
-use antumbra_map::{MapConfig, MapTechnique};
+use antumbra_map::{MapConfig, MapTechnique, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, Tracer, TruthOptions, ViewSample};
+use antumbra_sampling::{Cascades, Lispsm, Sdsm, Select};
 use antumbra_scene::{Light, LightKind, Scene, generate};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
@@ -34,11 +35,46 @@ fn every_technique(size: u32) -> Vec<Config> {
         Config::PcfCastano(PcfCastano { side: 7, hardware: true, ..Default::default() }),
         Config::PcfPoisson(PcfPoisson { taps: 1, radius: 0.0, ..Default::default() }),
     ]);
+    all.extend(placed());
     for config in &mut all {
         // A texel of a filtered store costs a kernel of taps, whether a sample looks at it or not.
         config.set_map_size(if is_filtered(config) { size / 2 } else { size });
     }
     all
+}
+
+/// Filters whose samples cascades and warps place.
+fn placed() -> Vec<Config> {
+    let evsm = Box::new(Config::Evsm(Default::default()));
+    let pcf = Box::new(Config::PcfCastano(Default::default()));
+    let msm = Box::new(Config::Msm(Default::default()));
+    vec![
+        Config::Cascades(cascades(evsm.clone())),
+        Config::Cascades(Cascades { select: Select::Depth, ..cascades(pcf.clone()) }),
+        Config::Sdsm(Sdsm { of: msm, count: 3, clusters: true, blend: 0.1, cull: true }),
+        Config::Lispsm(lispsm(evsm)),
+        Config::Lispsm(lispsm(pcf)),
+    ]
+}
+
+fn cascades<E>(of: E) -> Cascades<E> {
+    let Cascades { count, splits, select, blend, fit, .. } = Cascades::<Plain>::default();
+    Cascades { of, count, splits, select, blend, fit }
+}
+
+fn lispsm<E>(of: E) -> Lispsm<E> {
+    let Lispsm { near_offset, far_offset, falloff, search, guard, .. } = Lispsm::<Plain>::default();
+    Lispsm { of, near_offset, far_offset, falloff, search, guard }
+}
+
+/// What places its samples is no matter for what a technique is.
+fn inner(config: &Config) -> &Config {
+    match config {
+        Config::Cascades(Cascades { of, .. })
+        | Config::Sdsm(Sdsm { of, .. })
+        | Config::Lispsm(Lispsm { of, .. }) => inner(of),
+        other => other,
+    }
 }
 
 /// The same without those that by design have acne or cast no shadow of an open sheet: tests of their own say
@@ -116,14 +152,14 @@ fn is_filtered(config: &Config) -> bool {
         "filter/blurred-depth",
         "filter/soft-comparison",
     ];
-    is_bound(config) || others.contains(&config.id())
+    is_bound(config) || others.contains(&inner(config).id())
 }
 
 /// Whether the technique bounds visibility from above: lit samples are lit, dark ones close behind their casters or
 /// under several of them leak.
 fn is_bound(config: &Config) -> bool {
     matches!(
-        config,
+        inner(config),
         Config::Vsm(_)
             | Config::Lvsm(_)
             | Config::Savsm(_)

@@ -10,6 +10,7 @@ use antumbra_gpu::{
 };
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_measure::Stage;
+use antumbra_sampling::{Cascades, Sdsm, Select};
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
 use antumbra_tests::gpu;
@@ -19,13 +20,18 @@ use glam::{DAffine3, DVec3};
 fn techniques(gpu: &Gpu, size: u32, receiver_mask: bool) -> Vec<Box<dyn Technique>> {
     let map = MapConfig { size, receiver_mask, ..MapConfig::default() };
     let tetrahedron = MapConfig { omni: Omni::Tetrahedron, ..map };
-    let configs: [&dyn TechniqueConfig; 6] = [
+    let cascades = Cascades { of: Plain { map }, ..Cascades::default() };
+    let by_depth = Cascades { select: Select::Depth, ..cascades };
+    let configs: [&dyn TechniqueConfig; 9] = [
         &Plain { map },
         &Plain { map: tetrahedron },
         &PcfHardware { map, comparison: false },
         &PcfHardware { map, comparison: true },
         &PcfCastano { map, side: 7, ..Default::default() },
         &PcfPoisson { map, radius: 3.5, ..Default::default() },
+        &cascades,
+        &by_depth,
+        &Sdsm { of: PcfCastano { map, ..Default::default() }, ..Sdsm::default() },
     ];
     configs.map(|config| config.build(gpu).expect("a valid config")).into()
 }

@@ -115,6 +115,11 @@ pub trait Refit: fmt::Debug {
         recorder: &mut Recorder<'_>,
     );
 
+    /// Whether casters are to be chosen on the GPU by the windows of what is fitted, default no.
+    fn culls(&self) -> bool {
+        false
+    }
+
     /// Bytes of GPU memory held.
     fn bytes(&self) -> u64;
 }

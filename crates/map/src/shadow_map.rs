@@ -248,7 +248,7 @@ impl ShadowMap {
         let clear = DepthConvention::REVERSED_F32.clear();
         let (mut passes, mut draws) = (0, 0);
         for (number, (view, layer)) in self.light_views(frame).zip(self.layer_views()).enumerate() {
-            let list = mask.encode_list(gpu, recorder, number as u32, clusters);
+            let list = mask.encode_list(gpu, recorder, number as u32, self.matrices(), clusters);
             let mut pass = recorder.depth_pass("map/depth", layer, clear);
             if let Some((indices, list, offset)) = list {
                 let list = ListedTriangles { indices, draws: list, offset };

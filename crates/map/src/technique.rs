@@ -3,6 +3,7 @@
 use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
 };
+use antumbra_shaders::Slot;
 use serde::{Deserialize, Serialize};
 
 use crate::receiver_mask::ReceiverMask;
@@ -27,7 +28,7 @@ pub struct MapConfig {
     /// the indices of all triangles; saves the casters that shadow only what the camera does not see. For estimators
     /// that compare texels of the map itself, over projections by matrix and casters in clusters
     /// ([`antumbra_gpu::Casters::clusters`]); other casters and projections are drawn as without, and so are layouts that
-    /// look up more than one view.
+    /// do not say which views they look up (`map::looked_up`).
     pub receiver_mask: bool,
     /// Number of maps that objects have for themselves under directional and spot lights, up to 64; default 0: one map
     /// around all casters. With more objects than maps, neighbours share one. Each map costs a pass and a layer, and
@@ -236,21 +237,27 @@ impl MapTechnique {
     /// Takes note of what may be drawn of the casters, where it is masked.
     fn prepare_mask(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let layout = self.map.arrange().layout(frame.light);
+        let replaces = |slots: &[Slot], module: &str| slots.iter().any(|(slot, _)| slot == module);
         // Who replaces this module may look up more than one view, or other texels than the estimator says.
-        let mut slots = layout.slots.iter().chain(&self.estimator.slots);
-        let as_usual = !slots.any(|(slot, _)| slot == "map::shadow");
-        let masked = self.config.receiver_mask
-            && as_usual
-            && self.drawn_by.is_none()
-            && layout.drawing == Drawing::Matrix;
-        let clusters = if masked { frame.casters.clusters(gpu) } else { None };
+        let as_usual = !replaces(&self.estimator.slots, "map::shadow")
+            && (!replaces(&layout.slots, "map::shadow")
+                || replaces(&layout.slots, "map::looked_up"));
+        let marked = self.config.receiver_mask && as_usual;
+        let listed = marked || self.refit.as_ref().is_some_and(|refit| refit.culls());
+        let drawn = self.drawn_by.is_none()
+            && layout.drawing == Drawing::Matrix
+            && !self.store.as_ref().is_some_and(|store| store.draws());
+        let clusters = if listed && drawn { frame.casters.clusters(gpu) } else { None };
         let Some(clusters) = clusters else {
             self.mask = None;
             return Ok(());
         };
-        let mask = match self.mask.take().filter(|mask| mask.serves(&layout)) {
+        let mask = match self.mask.take().filter(|mask| mask.serves(&layout, marked)) {
             Some(mask) => mask,
-            None => ReceiverMask::new(gpu, &layout, self.map.size(), self.estimator.radius)?,
+            None => {
+                let radius = marked.then_some(self.estimator.radius);
+                ReceiverMask::new(gpu, &layout, self.map.size(), radius)?
+            }
         };
         self.mask.insert(mask).prepare(gpu, frame, &self.map, &clusters)
     }

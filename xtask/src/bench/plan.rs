@@ -34,6 +34,8 @@ pub(super) struct Subject {
     pub(super) slug: String,
     /// The scene, with its ground.
     pub(super) scene: Scene,
+    /// The techniques that it is for, of those that are measured; all where there is none.
+    pub(super) only: &'static [&'static str],
 }
 
 /// Everything that will be measured, and how.
@@ -51,7 +53,7 @@ const QUICK_SCENES: [&str; 8] =
     ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
 /// Techniques of the quick suite: the plain map, one that avoids its bias, what filters it, and what puts its samples
 /// elsewhere. Shadow volumes of every triangle would take most of its time on a software device: ask for them by name.
-const QUICK_TECHNIQUES: [&str; 12] = [
+pub(super) const QUICK_TECHNIQUES: [&str; 12] = [
     "map/plain",
     "map/midpoint",
     "filter/pcf-hardware",
@@ -63,6 +65,15 @@ const QUICK_TECHNIQUES: [&str; 12] = [
     "filter/evsm",
     "filter/msm",
     "sampling/cascades",
+    "sampling/view-samples",
+];
+/// Techniques of the scaling suite, beside those of the quick one: one map and what puts its samples elsewhere.
+pub(super) const PLACED: [&str; 6] = [
+    "map/plain",
+    "sampling/lispsm",
+    "sampling/cascades",
+    "sampling/sdsm",
+    "sampling/matched",
     "sampling/view-samples",
 ];
 const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
@@ -95,7 +106,7 @@ impl Plan {
             (Suite::Stability, _) => {
                 bail!("the stability suite has scenes of its own; leave out --scene")
             }
-            (Suite::Scaling, []) => vec![scaling::subject()],
+            (Suite::Scaling, []) => scaling::subjects(args.technique.is_empty()),
             _ => subjects(args, full)?,
         };
         Ok(Self { scenes, lights, techniques, settings, dump_mesh: args.dump_mesh })
@@ -182,7 +193,8 @@ fn belongs(entry: &Entry, suite: Suite) -> bool {
     match suite {
         Suite::Full => true,
         Suite::Stability => entry.name == entry.config.id(),
-        Suite::Quick | Suite::Scaling => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Quick => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Scaling => belongs(entry, Suite::Quick) || PLACED.contains(&entry.name.as_str()),
     }
 }
 
@@ -222,7 +234,7 @@ fn subjects(args: &BenchArgs, full: bool) -> anyhow::Result<Vec<Subject>> {
         let (scene, stem) = open_scene(&name, args.ground)?;
         let taken = subjects.iter().filter(|s| s.slug.starts_with(&stem)).count();
         let slug = if taken == 0 { stem } else { format!("{stem}~{taken}") };
-        subjects.push(Subject { name, slug, scene });
+        subjects.push(Subject { name, slug, scene, only: &[] });
     }
     Ok(subjects)
 }
@@ -305,6 +317,14 @@ mod tests {
         let quick = select_techniques(&[], Suite::Quick).expect("no pattern, no error");
         let names: Vec<_> = quick.iter().map(|e| e.name.as_str()).collect();
         assert_eq!(names.len(), QUICK_TECHNIQUES.len(), "{names:?}");
+    }
+
+    #[test]
+    fn every_technique_of_the_scaling_suite_exists() {
+        let scaling = select_techniques(&[], Suite::Scaling).expect("no pattern, no error");
+        for name in PLACED {
+            assert!(scaling.iter().any(|e| e.name == name), "{name}");
+        }
     }
 
     #[test]

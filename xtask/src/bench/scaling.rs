@@ -6,12 +6,12 @@ use antumbra_gpu::Gpu;
 use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{Comparison, Truth, TruthOptions};
 use antumbra_scene::Light;
-use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane};
+use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane, street};
 use anyhow::Context as _;
 use glam::DAffine3;
 use indicatif::ProgressBar;
 
-use super::plan::{Entry, Plan, Subject};
+use super::plan::{Entry, PLACED, Plan, QUICK_TECHNIQUES, Subject};
 use super::scaling_volumes;
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
@@ -36,15 +36,23 @@ fn has_map(entry: &Entry) -> bool {
     })
 }
 
-fn sweeps(plan: &Plan) -> Vec<Sweep> {
+fn sweeps(plan: &Plan, subject: &Subject) -> Vec<Sweep> {
+    let wanted = |e: &&Entry| subject.only.is_empty() || subject.only.contains(&e.name.as_str());
+    let techniques: Vec<Entry> = plan.techniques.iter().filter(wanted).cloned().collect();
+    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
+    // Variants of the kernel differ in nothing but its side.
+    let grid: Vec<Entry> = techniques.iter().find(is_grid).cloned().into_iter().collect();
     let map_size = Sweep {
         parameter: "map_size",
         values: &MAP_SIZES,
         set: |config, size| config.set_map_size(size),
-        // The others would be the same at every size.
-        entries: plan.techniques.iter().filter(|entry| has_map(entry)).cloned().collect(),
+        // The others would be the same at every size, which is shown where it is asked for.
+        entries: techniques
+            .iter()
+            .filter(|entry| has_map(entry) || subject.only.contains(&entry.name.as_str()))
+            .cloned()
+            .collect(),
     };
-    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
     let kernel_side = Sweep {
         parameter: "kernel_side",
         values: &KERNEL_SIDES,
@@ -53,33 +61,44 @@ fn sweeps(plan: &Plan) -> Vec<Sweep> {
                 grid.side = side;
             }
         },
-        // Variants of the kernel differ in nothing but its side.
-        entries: plan.techniques.iter().find(is_grid).cloned().into_iter().collect(),
+        entries: grid,
     };
     [map_size, kernel_side].into_iter().filter(|s| !s.entries.is_empty()).collect()
 }
 
-/// The scene where none is asked for: one straight shadow edge. The caster is 10 m deep, not 100, because the
-/// map is fitted to it, and turned by 20 degrees, because an edge along the texels' rows would have no error
-/// at all where the fit lays it between two of them, as it does at the window's border.
-pub(super) fn subject() -> Subject {
+/// The scenes where none is asked for, each with its own of the `default` techniques, or with all that are asked for.
+///
+/// One straight shadow edge, for filters: the caster is 10 m deep, not 100, because the map is fitted to it, and turned
+/// by 20 degrees, because an edge along the texels' rows would have no error at all where the fit lays it between two of
+/// them, as it does at the window's border. And a street, seen along its length, for what puts a map's samples where
+/// they are seen.
+pub(super) fn subjects(default: bool) -> Vec<Subject> {
     let numbers = HalfPlaneOverPlane { extent: 10.0, ..HalfPlaneOverPlane::default() };
     let mut scene = half_plane_over_plane(&numbers);
     for instance in scene.instances.iter_mut().filter(|i| i.name == "half-plane") {
         instance.transform = DAffine3::from_rotation_y(20_f64.to_radians());
     }
-    Subject {
-        name: "half-plane, 10 m, turned".to_owned(),
-        slug: "half-plane-turned".to_owned(),
-        scene,
-    }
+    vec![
+        Subject {
+            name: "half-plane, 10 m, turned".to_owned(),
+            slug: "half-plane-turned".to_owned(),
+            scene,
+            only: if default { &QUICK_TECHNIQUES } else { &[] },
+        },
+        Subject {
+            name: "street".to_owned(),
+            slug: "street".to_owned(),
+            scene: street(),
+            only: if default { &PLACED } else { &[] },
+        },
+    ]
 }
 
 /// Steps of the progress bar.
 pub(super) fn steps(plan: &Plan) -> usize {
     let points = |sweep: &Sweep| sweep.values.len() * sweep.entries.len();
-    plan.scenes.len() * plan.lights.len() * sweeps(plan).iter().map(points).sum::<usize>()
-        + scaling_volumes::steps(plan)
+    let of = |subject| sweeps(plan, subject).iter().map(points).sum::<usize>();
+    plan.lights.len() * plan.scenes.iter().map(of).sum::<usize>() + scaling_volumes::steps(plan)
 }
 
 /// Measures every curve of the plan.
@@ -102,7 +121,7 @@ pub(super) fn measure(
         for kind in &plan.lights {
             let light = subject.scene.light_or_placed(*kind);
             let truth = stage.truth(&light, &options);
-            for sweep in sweeps(plan) {
+            for sweep in sweeps(plan, subject) {
                 let what = format!("{} · {} · {}", subject.name, kind.name(), sweep.parameter);
                 progress.set_message(what.clone());
                 let mut group: Vec<ScalingCurve> = sweep
