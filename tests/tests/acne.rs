@@ -271,9 +271,6 @@ fn no_receiver_of_any_scene_shadows_itself() {
                 if found.unexplained > 0 || found.creases > found.near_creases {
                     faults.push(format!("{name}, {kind:?}, {side} x {side}: {found:?}"));
                 }
-                if found.creases > 0 {
-                    println!("{name}, {kind:?}, {side} x {side}: {found:?}");
-                }
             }
         }
     }
