@@ -12,7 +12,7 @@ use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
 use antumbra_scene::{Camera, Light, Mesh, Scene, generate};
 use antumbra_soft::{RadialSearch, SingleSample, WidthLookup, WidthMap, Widths, twin};
 use antumbra_tests::{gpu, image};
-use area::{bodies, lights, map, plate, seen, shoot, shots};
+use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 /// The technique at its defaults, on a map of that side.
@@ -234,6 +234,30 @@ fn behind_a_straight_edge_it_errs_as_much_as_the_hard_shadow_and_the_search_not_
     for light in [disc, ball, sun(0.15)] {
         let (rmse, _) = plate(&gpu, light, 1.6).errors(&gpu, &search);
         assert!(rmse > 0.01 && rmse <= 0.04, "the search under {light:?}: RMSE {rmse}");
+    }
+}
+
+/// What one sample of the light knows of several occluders: what hides its centre, and where that ends.
+#[test]
+fn several_occluders_are_taken_for_the_one_that_hides_the_centre() {
+    let gpu = gpu();
+    let config = Config::SingleSample(exact(1024));
+    let search = Config::RadialSearch(RadialSearch { map: map(1024), ..Default::default() });
+    for (sheets, x, truth, single, searched) in [
+        // A wire of 0.04: 0.05 of a light 2 wide is hidden. To the search its shadow is one of two edges.
+        (&[(-0.02, 0.02, 2.0)][..], 0.0, 0.975, 0.975, 0.4875),
+        // One strip in another's shadow, which together hide all.
+        (&[(-0.2, 0.2, 2.0), (-0.35, 0.35, 8.0)], 0.0, 0.0, 0.75, 0.375),
+        // A slit between two half-planes that the centre does not see.
+        (&[(-50.0, 0.0, 2.0), (0.0, 50.0, 8.0)], -0.5, 0.4375, 0.0, 0.0),
+        // Beside the light, and beside it and before it.
+        (&[(1.2, 3.0, 2.0), (0.4, 3.0, 8.0)], 0.0, 1.0, 1.0, 1.0),
+        (&[(-0.4, 0.4, 8.0), (1.4, 1.8, 2.0)], 0.0, 0.0, 0.0, 0.0),
+    ] {
+        let found = [&config, &search].map(|c| below_a_square_light(&gpu, sheets, x, c));
+        let near = |found: f32, expected: f32| (found - expected).abs() < 0.03;
+        assert!(near(found[0], single), "{sheets:?}, truth {truth}: {found:?}, not {single}");
+        assert!(near(found[1], searched), "{sheets:?}, truth {truth}: {found:?}, not {searched}");
     }
 }
 
