@@ -19,7 +19,8 @@ pub enum Widths {
     /// Along rows and columns, by four sweeps: the published form for processors. Too wide by up to sqrt(2). One thread a
     /// line, in as many passes whatever the widths.
     CityBlock,
-    /// The distance itself: two sweeps, and a search of each column that takes longer the wider shadows are.
+    /// The distance itself: two sweeps, and a search of each column that takes longer the wider shadows are, and no longer
+    /// than the widest penumbra asks for.
     Euclidean,
 }
 
@@ -52,7 +53,7 @@ pub struct SingleSample {
     /// Cost: one fetch a texel and pass each.
     pub neighbours: u32,
     /// Passes of doubling, 0 to 14: widths up to 2^n - 1 texels, and what is deeper inside is dark. Default 0: as many as the
-    /// light's widest penumbra needs. Cost: each alike.
+    /// light's widest penumbra needs. Cost: each alike. Euclidean widths are searched for as far.
     pub doublings: u32,
     /// Counts shadow depth from the casters' far sides, for casters that lie one above the other: the shadow of the lower
     /// one is then as hard within the other's as beside it. Default false. Not for casters that shadow themselves. Costs a

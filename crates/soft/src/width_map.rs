@@ -15,13 +15,7 @@ const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
 struct StepData {
     offset: [i32; 2],
     length: f32,
-    unused: f32,
-}
-
-impl From<&Step> for StepData {
-    fn from(step: &Step) -> Self {
-        Self { offset: step.offset.to_array(), length: step.length as f32, unused: 0.0 }
-    }
+    reach: f32,
 }
 
 /// Widths of all layers of a map, from passes over its texels that depend on nothing else: `R32Float`, in the shorter
@@ -73,7 +67,7 @@ impl WidthMap {
             ],
         });
         let (widths, neighbours) = (config.widths, config.neighbours);
-        let steps = table(widths, neighbours, DVec2::ONE).len();
+        let steps = table(widths, neighbours, 1, DVec2::ONE).len();
         let constants =
             format!("const STEPS: i32 = {steps};\nconst NEIGHBOURS: i32 = {neighbours};\n");
         let pipeline = |root, below, entry| -> Result<wgpu::ComputePipeline, GpuError> {
@@ -115,8 +109,8 @@ impl WidthMap {
     }
 
     /// Makes room for a layer of `size` x `size` texels for each of `sides`, those of its texels, of which the shorter is
-    /// 1, and uploads the steps. `source` is a `D2Array` view of a reversed depth map of that size. Allocates nothing when
-    /// there is room.
+    /// 1, and uploads the steps. `source` is a `D2Array` view of a reversed depth map of that size. Widths of more than
+    /// 2^`doublings` - 1 need not be right. Allocates nothing when there is room.
     ///
     /// # Errors
     /// A failed allocation.
@@ -137,8 +131,10 @@ impl WidthMap {
         if self.layers == 0 {
             return Ok(());
         }
-        let tables: Vec<StepData> =
-            sides.iter().flat_map(|sides| table(self.widths, self.neighbours, *sides)).collect();
+        let tables: Vec<StepData> = sides
+            .iter()
+            .flat_map(|sides| table(self.widths, self.neighbours, doublings, *sides))
+            .collect();
         let fits = |m: &Made| m.size == size && m.layers >= self.layers;
         if !self.made.as_ref().is_some_and(fits) {
             let bytes = size_of_val(tables.as_slice()) as u64;
@@ -253,9 +249,15 @@ impl WidthMap {
     }
 }
 
-/// The steps of all passes that there may be, in order.
-fn table(widths: Widths, neighbours: u32, sides: DVec2) -> Vec<StepData> {
-    passes(widths, neighbours, MAX_DOUBLINGS, sides).iter().flatten().map(StepData::from).collect()
+/// The steps of all passes that there may be, in order, and how far these reach.
+fn table(widths: Widths, neighbours: u32, doublings: u32, sides: DVec2) -> Vec<StepData> {
+    let reach = ((1u32 << doublings.clamp(1, MAX_DOUBLINGS)) - 1) as f32;
+    let data = |step: &Step| StepData {
+        offset: step.offset.to_array(),
+        length: step.length as f32,
+        reach,
+    };
+    passes(widths, neighbours, MAX_DOUBLINGS, sides).iter().flatten().map(data).collect()
 }
 
 fn group(

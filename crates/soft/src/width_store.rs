@@ -5,8 +5,8 @@ use antumbra_gpu::{
     light_view_layout,
 };
 use antumbra_map::{DepthConvention, ShadowMap, Store};
-use antumbra_scene::Light;
-use glam::{DMat4, DVec2, DVec3, Mat4};
+use antumbra_scene::{Bounds, Light};
+use glam::{BVec3, DMat4, DVec2, DVec3, Mat4};
 
 use crate::store::{AreaLight, VIEWS, refuse_warps};
 use crate::twin::View;
@@ -56,30 +56,35 @@ impl WidthStore {
     }
 
     /// As many doublings as the widest penumbra of any view needs.
-    fn doublings(&self, views: &[View], farthest: Option<[DVec3; 2]>, size: u32) -> u32 {
+    fn doublings(&self, views: &[(DMat4, View)], receivers: Option<[DVec3; 2]>, size: u32) -> u32 {
         if self.config.doublings > 0 {
             return self.config.doublings;
         }
         // Where the function has fallen to 0.
         let share = (1.0 + f64::from(self.config.bias)) / f64::from(self.config.scale);
-        let widest = |view: &View| share * widest_half(view, farthest, f64::from(size));
-        doublings_for(views.iter().map(widest).fold(0.0, f64::max), size)
+        let widest = |(clip, view): &(DMat4, View)| {
+            share * widest_half(clip, view, receivers, f64::from(size))
+        };
+        let widest = views.iter().map(widest).fold(0.0, f64::max);
+        doublings_for(widest, size, self.config.neighbours)
     }
 }
 
 /// The widest half of a penumbra in a view, shorter sides of a texel: of the nearest occluder for the farthest receiver. The
 /// corners around all receivers are relative to the frame's origin; where there are none receivers may be anywhere.
-fn widest_half(view: &View, receivers: Option<[DVec3; 2]>, size: f64) -> f64 {
+fn widest_half(clip: &DMat4, view: &View, receivers: Option<[DVec3; 2]>, size: f64) -> f64 {
     // Depth is reversed: 1 at the nearest occluder, a infinitely far in perspective.
     let last = match receivers {
-        _ if view.perspective => view.a,
-        Some([lo, hi]) => {
-            let farthest = DVec3::select(view.z.cmpgt(DVec3::ZERO), hi, lo);
-            view.a - view.b * view.z.dot(farthest)
-        }
+        Some([lo, hi]) => (0..8)
+            .map(|i| DVec3::select(BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), hi, lo))
+            .map(|corner| *clip * corner.extend(1.0))
+            .filter(|c| c.w > 0.0)
+            .map(|c| c.z / c.w)
+            .fold(view.nearest, f64::min),
+        None if view.perspective => view.a,
         None => return f64::INFINITY,
     };
-    let depth = (view.nearest - last).max(0.0);
+    let depth = view.nearest - last;
     if view.u.z == 0.0 && view.v.z == 0.0 && view.radius == 0.0 {
         return view.seen(view.centre, last).half_penumbra(depth);
     }
@@ -92,7 +97,7 @@ fn widest_half(view: &View, receivers: Option<[DVec3; 2]>, size: f64) -> f64 {
 
 /// Corners of a box around all that receives, relative to the frame's origin, where that is known.
 fn around_receivers(frame: &Frame<'_>) -> Option<[DVec3; 2]> {
-    let mut all = antumbra_scene::Bounds::EMPTY;
+    let mut all = Bounds::EMPTY;
     let known = frame.casters.receivers(&mut |bounds| all = all.union(bounds));
     (known && !all.is_empty()).then(|| [all.min - frame.origin, all.max - frame.origin])
 }
@@ -106,7 +111,8 @@ impl Store for WidthStore {
         let light = AreaLight::new(frame.light, map);
         gpu.queue.write_buffer(&self.light, 0, bytemuck::bytes_of(&light));
         let views = views(frame.light, map);
-        let sides: Vec<DVec2> = views.iter().map(|v| v.texels.max_element() / v.texels).collect();
+        let sides: Vec<DVec2> =
+            views.iter().map(|(_, v)| v.texels.max_element() / v.texels).collect();
         let doublings = self.doublings(&views, around_receivers(frame), map.size());
         self.map = map.view().cloned();
         if let Some(map_view) = &self.map {
@@ -177,9 +183,9 @@ impl Store for WidthStore {
 }
 
 /// The views with casters; none of a light without an extent.
-fn views(light: &Light, map: &ShadowMap) -> Vec<View> {
+fn views(light: &Light, map: &ShadowMap) -> Vec<(DMat4, View)> {
     let clips = map.views().iter().filter_map(|view| view.clip).take(VIEWS);
-    let view = |clip: DMat4| View::new(&clip, f64::from(map.size()), light);
+    let view = |clip: DMat4| (clip, View::new(&clip, f64::from(map.size()), light));
     clips.filter(|_| !light.is_hard()).map(view).collect()
 }
 

@@ -168,6 +168,7 @@ fn entries() -> Vec<Entry> {
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
             variant("euclidean", single(Widths::Euclidean, 1.0)),
+            variant("city-block", single(Widths::CityBlock, 1.0)),
             variant("harder", single(Widths::Doubling, 2.0)),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),

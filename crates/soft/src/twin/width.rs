@@ -68,10 +68,11 @@ pub fn passes(widths: Widths, neighbours: u32, doublings: u32, sides: DVec2) -> 
     }
 }
 
-/// How many doublings reach a width: 2^K - 1 texels of a side of 1. No map of `size` texels needs more than reach across it.
+/// How many doublings reach a width: 2^K - 1 texels of a side of 1. No map of `size` texels needs more than reach its border
+/// from the middle, or across where three neighbours lead to one side of it only.
 #[must_use]
-pub fn doublings_for(width: f64, size: u32) -> u32 {
-    let across = f64::from(size);
+pub fn doublings_for(width: f64, size: u32, neighbours: u32) -> u32 {
+    let across = f64::from(if neighbours == 3 { size } else { size / 2 + 1 });
     let width = if width.is_finite() { width.clamp(0.0, across) } else { across };
     ((width + 1.0).log2().ceil() as u32).clamp(1, MAX_DOUBLINGS)
 }

@@ -257,20 +257,28 @@ fn the_cases_of_the_literature_that_theory_decides() {
 
 #[test]
 fn as_many_doublings_as_reach_the_widest_penumbra() {
-    for (width, size, expected) in [
-        (0.0, 512, 1),
-        (1.0, 512, 1),
-        (1.5, 512, 2),
-        (3.0, 512, 2),
-        (63.0, 512, 6),
-        (64.0, 512, 7),
-        (1e9, 255, 8),
-        (f64::INFINITY, 8192, MAX_DOUBLINGS),
-        (f64::NAN, 1, 1),
+    for (width, size, neighbours, expected) in [
+        (0.0, 512, 6, 1),
+        (1.0, 512, 6, 1),
+        (1.5, 512, 6, 2),
+        (3.0, 512, 6, 2),
+        (63.0, 512, 6, 6),
+        (64.0, 512, 6, 7),
+        (1e9, 255, 3, 8),
+        (1e9, 253, 4, 7),
+        (f64::INFINITY, 8192, 8, 13),
+        (f64::INFINITY, 16384, 3, MAX_DOUBLINGS),
+        (f64::NAN, 1, 6, 1),
     ] {
-        let found = doublings_for(width, size);
-        assert_eq!(found, expected, "{width} texels of {size}");
-        let reach = f64::from((1 << found) - 1);
-        assert!(reach >= width.min(f64::from(size).min(8191.0)) || width.is_nan(), "{reach}");
+        let found = doublings_for(width, size, neighbours);
+        assert_eq!(found, expected, "{width} texels of {size}, {neighbours} neighbours");
+    }
+    // From the middle of a map that is dark all over.
+    for neighbours in [3, 4, 6, 8] {
+        let dark = vec![true; (SIZE * SIZE) as usize];
+        let doublings = doublings_for(1e9, SIZE as u32, neighbours);
+        let reached =
+            width_map(&config(Widths::Doubling, neighbours), doublings, &dark, DVec2::ONE);
+        assert!(reached.iter().all(|w| *w < UNREACHED), "{neighbours} neighbours");
     }
 }
