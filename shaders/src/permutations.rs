@@ -151,6 +151,7 @@ pub fn permutations() -> Vec<Permutation> {
     }
     all.extend(tables());
     all.extend(pyramids());
+    all.extend(widths());
     // Maps of single objects ask all of them, in the place of the lookup that area lights replace.
     let is_soft = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::through");
     for (estimator, slots) in estimators() {
@@ -438,6 +439,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("pcss", "soft::pcss", None, true, mask_256),
         ("pcss-all-texels", "soft::pcss", None, false, mask_64),
         ("back-projection", "soft::back_projection", None, true, mask_256),
+        ("radial-search", "soft::radial", None, true, mask_256),
         ("bitmask-micropatch-64", "soft::bitmask", patch, true, mask_64),
         ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
         ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
@@ -466,8 +468,45 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         (name, slots)
     })
     .into_iter()
-    .chain([vssm(true), vssm(false)])
+    .chain([vssm(true), vssm(false), single_sample(true), single_sample(false)])
     .collect()
+}
+
+/// Soft shadows from a single light sample, of either shadow depth.
+fn single_sample(back: bool) -> (&'static str, Vec<Slot>) {
+    let constants = format!(
+        "const LINEAR: bool = true;\nconst BORDER: bool = {back};\nconst SCALE: f32 = 1.0;\nconst BIAS: f32 = 0.05;\n"
+    );
+    let mut slots = vec![
+        module("store", "common::depth_map"),
+        module("map::through", "soft::through"),
+        module("estimator", "soft::width"),
+        source("config", constants),
+    ];
+    if back {
+        slots.push(module("soft::width_depth", "soft::width_depth_back"));
+    }
+    (if back { "single-sample-back" } else { "single-sample" }, slots)
+}
+
+/// Passes that make a shadow-width map.
+fn widths() -> Vec<Permutation> {
+    [
+        ("doubling-first", "soft::width_doubling", "soft::width_of_map"),
+        ("doubling", "soft::width_doubling", "soft::width_of_widths"),
+        ("sweep-first", "soft::width_sweep", "soft::width_of_map"),
+        ("sweep", "soft::width_sweep", "soft::width_of_widths"),
+        ("euclid", "soft::width_euclid", "soft::width_of_widths"),
+    ]
+    .map(|(name, root, below)| Permutation {
+        name: format!("soft-width-{name}"),
+        root,
+        slots: vec![
+            module("below", below),
+            source("width_config", "const STEPS: i32 = 84;\nconst NEIGHBOURS: i32 = 6;\n"),
+        ],
+    })
+    .into()
 }
 
 /// Variance soft shadows, with and without a pyramid and a tally.

@@ -226,6 +226,12 @@ techniques! {
     /// Percentage-closer soft shadows from two moments of depth.
     Vssm(antumbra_soft::Vssm) = "soft/vssm",
     #[cfg(feature = "soft")]
+    /// The hard shadow, lighter the nearer its border and the farther behind its caster.
+    SingleSample(antumbra_soft::SingleSample) = "soft/single-sample",
+    #[cfg(feature = "soft")]
+    /// The distance to the nearest texel of which the other is true, hidden or lit.
+    RadialSearch(antumbra_soft::RadialSearch) = "soft/radial-search",
+    #[cfg(feature = "soft")]
     /// Slices of the casters, each blurred as its distance asks.
     OcclusionTextures(antumbra_soft::OcclusionTextures) = "soft/occlusion-textures",
     #[cfg(feature = "volume")]

@@ -9,7 +9,7 @@ use antumbra_filter::{
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
-use antumbra_soft::{Bitmask, Occluders, Pcss};
+use antumbra_soft::{Bitmask, Occluders, Pcss, SingleSample, Widths};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -145,6 +145,8 @@ fn entries() -> Vec<Entry> {
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let single =
+        |widths, scale| Config::SingleSample(SingleSample { widths, scale, ..Default::default() });
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
@@ -175,6 +177,9 @@ fn entries() -> Vec<Entry> {
             variant("closed", bitmask(Occluders::ClosedMicropatch)),
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
+            variant("euclidean", single(Widths::Euclidean, 1.0)),
+            variant("city-block", single(Widths::CityBlock, 1.0)),
+            variant("harder", single(Widths::Doubling, 2.0)),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
             variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
