@@ -97,7 +97,7 @@ impl Passes {
         );
         let written = |binding| write_storage(binding, CS);
         let mut entries_of_pages = vec![uniform(0, CS)];
-        entries_of_pages.extend((1..=5).map(written));
+        entries_of_pages.extend((1..=6).map(written));
         let pages = Group::new(gpu, "pages", &entries_of_pages);
         let casters = Group::new(
             gpu,

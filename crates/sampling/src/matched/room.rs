@@ -21,6 +21,8 @@ pub(super) struct Atlas {
     /// Of each page 1 + its slot, or 0.
     pub(super) held: wgpu::Buffer,
     pub(super) slots: wgpu::Buffer,
+    /// Pages that are asked for.
+    pub(super) wanted: wgpu::Buffer,
     pub(super) state: wgpu::Buffer,
     /// Arguments of each slot's draw.
     pub(super) draws: wgpu::Buffer,
@@ -78,6 +80,7 @@ impl Atlas {
             marks: storage(gpu, "marks of pages", 4 * pages, none)?,
             held: storage(gpu, "slots of pages", 4 * pages, none)?,
             slots: storage(gpu, "slots", SLOT * slots, none)?,
+            wanted: storage(gpu, "pages asked for", 4 * pages, none)?,
             state: storage(gpu, "state", 4 * STATE_WORDS, none)?,
             draws: storage(gpu, "draws of pages", 16 * slots, indirect)?,
             numbers,
@@ -88,8 +91,15 @@ impl Atlas {
     }
 
     pub(super) fn bytes(&self) -> u64 {
-        let buffers =
-            [&self.marks, &self.held, &self.slots, &self.state, &self.draws, &self.numbers];
+        let buffers = [
+            &self.marks,
+            &self.held,
+            &self.slots,
+            &self.wanted,
+            &self.state,
+            &self.draws,
+            &self.numbers,
+        ];
         4 * self.texels + buffers.iter().map(|b| b.size()).sum::<u64>()
     }
 }
