@@ -126,7 +126,7 @@ fn yard(x: f64) -> Scene {
 fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
     let gpu = gpu();
     let light = Light::sun(1.0, 0.4, 0.0);
-    let config = ResolutionMatched { page: 16, ..of_size(1024) };
+    let config = ResolutionMatched { page: 16, displacement: 0.5, ..of_size(1024) };
     let mut technique = built(&gpu, &config);
     let (first, second) = (stage(&gpu, &yard(0.0), 128), stage(&gpu, &yard(0.3), 128));
     let fresh = shoot(&gpu, &first, &light, &mut technique);
@@ -166,7 +166,7 @@ fn a_camera_that_moves_has_only_those_pages_drawn_that_nobody_asked_for_before()
     let gpu = gpu();
     let scene = generate::by_name("street").expect("a scene");
     let camera = scene.camera_or_framing();
-    let config = ResolutionMatched { page: 16, ..of_size(1024) };
+    let config = ResolutionMatched { page: 16, displacement: 0.5, ..of_size(1024) };
     for kind in [LightKind::Directional, LightKind::Spot] {
         let light = scene.light_or_placed(kind);
         let mut technique = built(&gpu, &config);
