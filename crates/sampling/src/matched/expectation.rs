@@ -4,27 +4,31 @@
 
 use antumbra_gpu::Expectation;
 use antumbra_gpu::Expectation::Holds;
-use antumbra_map::Estimator;
 
 use super::{ResolutionMatched, window};
 
+/// What holds of a technique over a plain map, `of`, over pages in an atlas of `size` texels a side, where that is known.
+///
 /// Where samples are points without a camera, all ask for the finest level and become coarser until they fit: at worst to
-/// the resolution of a plain map of the atlas's size over a window that is wider by so much as windows are that stand
-/// still. So what holds of that map holds here, and of other lights, which such a map serves.
-pub(super) fn matched(config: &ResolutionMatched, case: &str) -> Option<Expectation> {
-    let map = config.layout().ok()?;
-    let plain = antumbra_map::expectation(&config.map, &Estimator::nearest(), case);
-    let size = f64::from(config.map.size);
-    // Texels a side of the finest level, and what its window is wider by.
-    let finest = f64::from(map.texels());
-    let wider = window::largest_share(finest);
+/// the resolution of a map of the atlas's size, less borders, over a window that is wider by so much as windows are that
+/// stand still.
+pub(super) fn matched(
+    config: &ResolutionMatched<()>,
+    size: Option<u32>,
+    of: Option<Expectation>,
+    case: &str,
+) -> Option<Expectation> {
+    // Of the finest level, at least: borders take no more than a quarter of a page's side.
+    let finest =
+        0.75 * f64::from(config.page.min(size.unwrap_or(256) / 16)) * f64::from(config.table);
+    let coarser = window::share(finest) / 0.75;
     Some(match case {
         "HC-01 B, sun overhead"
         | "HC-01 C, slanting sun"
         | "HC-01 B, turned 30 degrees"
         | "HC-04 thin wall"
         | "HC-05 cube"
-        | "HC-25 caster out of sight" => Holds { bound: wider * bound(plain?) },
+        | "HC-25 caster out of sight" => Holds { bound: coarser * bound(of?) },
         "HC-19 three and four triangles on an edge"
         | "HC-20 winding without a side"
         | "HC-22 vertex on an edge" => {
@@ -34,20 +38,28 @@ pub(super) fn matched(config: &ResolutionMatched, case: &str) -> Option<Expectat
                 _ => 2.0,
             };
             let displacement = f64::from(config.displacement);
-            Holds { bound: as_seen(bound(plain?) * wider, displacement, width / size) }
+            Holds { bound: as_seen(bound(of?) * coarser, displacement, width / f64::from(size?)) }
         }
         // What is looked at lies under the wire, of whose pages the atlas holds those of the second finest level. Once
         // the wire, 0.4 texels of a plain map at 30 degrees to the rows, is wider than a texel is across it, some texel's
         // centre lies in it everywhere.
         "HC-31 wire below a texel"
-            if 0.4 * 22.5_f64.to_radians().cos() * 0.5 * finest / wider / size
+            if 0.4 * 22.5_f64.to_radians().cos() * 0.5 * finest / coarser / f64::from(size?)
                 > 30_f64.to_radians().sin() + 30_f64.to_radians().cos() =>
         {
             Holds { bound: 0.0 }
         }
+        "HC-31 wire below a texel" => return None,
         // The window knows nothing of the camera, which looks straight down: every sample keeps its level, too.
         "HC-39 creeping camera" => Holds { bound: 0.0 },
-        _ => return antumbra_map::without_holes(case).or(plain),
+        // A face of a cube is not fitted to the caster. Of the level at which a square's pages fit into the 8 x 8 or more of
+        // the atlas, two a side are wasted at the square's border, and levels come in steps of two.
+        "HC-01 A, point light" | "HC-23 light at the eye" => {
+            Holds { bound: bound(of?) / (0.75 * 0.5 * (1.0 - 2.0 / 8.0)) }
+        }
+        // As little as it likes of a triangle that reaches above the light.
+        "HC-02 light amid the caster" | "HC-02 in view" => return None,
+        _ => return antumbra_map::without_holes(case).or(of),
     })
 }
 

@@ -1,7 +1,6 @@
 //! The atlas, and the buffers of pages, slots and casters.
 
 use antumbra_gpu::{Gpu, GpuError};
-use antumbra_map::ShadowMap;
 
 use super::Virtual;
 
@@ -12,10 +11,9 @@ pub(super) const STATE_WORDS: u64 = 24;
 /// Pairs of page and triangle that there is room for, whatever the casters: 4 MiB.
 const LEAST_PAIRS: u32 = 1 << 20;
 
-/// What lasts: the atlas, and what is known of it.
+/// What lasts: what is known of the atlas.
 #[derive(Debug)]
 pub(super) struct Atlas {
-    pub(super) depth: wgpu::TextureView,
     /// Of each page marks of this frame.
     pub(super) marks: wgpu::Buffer,
     /// Of each page 1 + its slot, or 0.
@@ -30,31 +28,17 @@ pub(super) struct Atlas {
     numbers: wgpu::Buffer,
     pub(super) number: wgpu::BindGroup,
     pub(super) stride: u32,
-    texels: u64,
 }
 
 impl Atlas {
     pub(super) fn new(
         gpu: &Gpu,
         map: &Virtual,
+        faces: u32,
         slot_layout: &wgpu::BindGroupLayout,
     ) -> Result<Self, GpuError> {
-        let side = map.row * map.page;
-        let texture = gpu.create_texture(
-            "pages of a shadow map",
-            &wgpu::TextureDescriptor {
-                label: Some("pages of a shadow map"),
-                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: ShadowMap::FORMAT,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            },
-        )?;
-        let (pages, slots) = (u64::from(map.page_count()), u64::from(map.slots()));
+        let pages = u64::from(map.page_count()) * u64::from(faces);
+        let slots = u64::from(map.slots());
         let stride = gpu.device.limits().min_uniform_buffer_offset_alignment.max(16);
         let mut numbers = vec![0u32; (slots * u64::from(stride) / 4) as usize];
         for (slot, words) in numbers.chunks_mut(stride as usize / 4).enumerate() {
@@ -76,7 +60,6 @@ impl Atlas {
         });
         let (none, indirect) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::INDIRECT);
         Ok(Self {
-            depth: texture.create_view(&Default::default()),
             marks: storage(gpu, "marks of pages", 4 * pages, none)?,
             held: storage(gpu, "slots of pages", 4 * pages, none)?,
             slots: storage(gpu, "slots", SLOT * slots, none)?,
@@ -86,7 +69,6 @@ impl Atlas {
             numbers,
             number,
             stride,
-            texels: u64::from(side) * u64::from(side),
         })
     }
 
@@ -100,7 +82,7 @@ impl Atlas {
             &self.draws,
             &self.numbers,
         ];
-        4 * self.texels + buffers.iter().map(|b| b.size()).sum::<u64>()
+        buffers.iter().map(|b| b.size()).sum::<u64>()
     }
 }
 

@@ -6,9 +6,12 @@ use antumbra_gpu::ViewCamera;
 use antumbra_map::TexelOnScreen;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-/// A page: its level, 0 for the finest, and its place among those of its level, from the left and from the top.
+/// A page: the face of the light that it lies on, its level, 0 for the finest, and its place among those of its level, from
+/// the left and from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Page {
+    /// Face, 0 for lights that have one.
+    pub face: u32,
     /// Level.
     pub level: u32,
     /// Column and row.
@@ -20,6 +23,8 @@ pub struct Page {
 pub struct Virtual {
     /// Side of a page, texels, a power of two.
     pub page: u32,
+    /// Width of a page's border, texels: another page's texels, for kernels to read.
+    pub border: u32,
     /// Pages a side of the finest level, a power of two.
     pub table: u32,
     /// Pages a side of the atlas.
@@ -35,7 +40,13 @@ impl Virtual {
         self.table.ilog2() + 1
     }
 
-    /// Pages of all levels.
+    /// Side of a page without its border, texels: what it shows of its level.
+    #[must_use]
+    pub fn side(&self) -> u32 {
+        self.page - 2 * self.border
+    }
+
+    /// Pages of all levels of a face.
     #[must_use]
     pub fn page_count(&self) -> u32 {
         (4 * self.table * self.table - 1) / 3
@@ -47,36 +58,40 @@ impl Virtual {
         self.row * self.row
     }
 
-    /// Place of a page among all, finest level first.
+    /// Place of a page among all, face by face and finest level first.
     #[must_use]
     pub fn index_of(&self, page: Page) -> u32 {
         let m = self.table >> page.level;
-        4 * (self.table * self.table - m * m) / 3 + page.tile[1] * m + page.tile[0]
+        page.face * self.page_count()
+            + 4 * (self.table * self.table - m * m) / 3
+            + page.tile[1] * m
+            + page.tile[0]
     }
 
     /// The page at a place among all.
     #[must_use]
     pub fn page_at(&self, index: u32) -> Page {
-        let (mut rest, mut level, mut m) = (index, 0, self.table);
+        let face = index / self.page_count();
+        let (mut rest, mut level, mut m) = (index % self.page_count(), 0, self.table);
         while rest >= m * m && m > 1 {
             rest -= m * m;
             m /= 2;
             level += 1;
         }
-        Page { level, tile: [rest % m, rest / m] }
+        Page { face, level, tile: [rest % m, rest / m] }
     }
 
     /// The page that holds `page` at a level that is no finer than `finest`.
     #[must_use]
     pub fn no_finer(&self, page: Page, finest: u32) -> Page {
         let level = page.level.max(finest);
-        Page { level, tile: page.tile.map(|t| t >> (level - page.level)) }
+        Page { level, tile: page.tile.map(|t| t >> (level - page.level)), ..page }
     }
 
     /// Texels a side of the finest level.
     #[must_use]
     pub fn texels(&self) -> u32 {
-        self.page * self.table
+        self.side() * self.table
     }
 
     /// The level for a sample at which the finest displaces edges by `displacement` pixels: the coarsest that does so by
@@ -88,12 +103,12 @@ impl Virtual {
         level.floor().clamp(0.0, last) as u32
     }
 
-    /// The page of a level for a point of the window, which goes from (0, 0) to (1, 1).
+    /// The page of a level for a point of a face's window, which goes from (0, 0) to (1, 1).
     #[must_use]
-    pub fn page_of(&self, st: DVec2, level: u32) -> Page {
+    pub fn page_of(&self, face: u32, st: DVec2, level: u32) -> Page {
         let m = self.table >> level;
         let tile = |x: f64| ((x * f64::from(m)) as u32).min(m - 1);
-        Page { level, tile: [tile(st.x), tile(st.y)] }
+        Page { face, level, tile: [tile(st.x), tile(st.y)] }
     }
 
     /// How far from where it belongs a texel of the finest level may put a shadow's edge on the surface with unit normal
@@ -112,8 +127,8 @@ impl Virtual {
         if sides.is_finite() { sides } else { f64::MAX }
     }
 
-    /// The finest level at which `requests` fit into the atlas, those for finer ones having become coarser, and the pages
-    /// that are then in use.
+    /// The finest level at which `requests`, of one face, fit into the atlas, those for finer ones having become coarser, and
+    /// the pages that are then in use.
     #[must_use]
     pub fn fitting(&self, requests: &BTreeSet<Page>) -> (u32, BTreeSet<Page>) {
         let from = |finest| requests.iter().map(|&page| self.no_finer(page, finest)).collect();
@@ -124,11 +139,12 @@ impl Virtual {
         pages.find(fits).unwrap_or_else(|| (last, from(last)))
     }
 
-    /// What stretches a page's part of clip space to all of it.
+    /// What puts a page's part of clip space into the middle half of it: its viewport is twice as wide as the page, so that
+    /// the border lies in it, too, and the factor is a power of two, which rounds nothing.
     #[must_use]
     pub fn crop(&self, page: Page) -> DMat4 {
-        let m = f64::from(self.table >> page.level);
-        let [x, y] = page.tile.map(|t| m - 1.0 - 2.0 * f64::from(t));
+        let m = 0.5 * f64::from(self.table >> page.level);
+        let [x, y] = page.tile.map(|t| m - 0.5 - f64::from(t));
         DMat4::from_cols(DVec4::X * m, DVec4::Y * m, DVec4::Z, DVec4::new(x, -y, 0.0, 1.0))
     }
 }
@@ -139,13 +155,13 @@ mod tests {
 
     use super::*;
 
-    const MAP: Virtual = Virtual { page: 128, table: 32, row: 4, rule: 0.5 };
+    const MAP: Virtual = Virtual { page: 128, border: 0, table: 32, row: 4, rule: 0.5 };
 
     #[test]
     fn every_page_has_a_number_of_its_own() {
         // (4^6 - 1) / 3 pages of 6 levels.
         assert_eq!((MAP.page_count(), MAP.levels()), (1365, 6), "of a table of 32 x 32");
-        let mut last = Page { level: 0, tile: [0, 0] };
+        let mut last = Page { face: 0, level: 0, tile: [0, 0] };
         for index in 0..MAP.page_count() {
             let page = MAP.page_at(index);
             assert_eq!(MAP.index_of(page), index, "{page:?}");
@@ -153,7 +169,9 @@ mod tests {
             assert!(page.tile.iter().all(|&t| t < 32 >> page.level), "{page:?}");
             last = page;
         }
-        assert_eq!(last, Page { level: 5, tile: [0, 0] }, "the last is the whole window");
+        assert_eq!(last, Page { face: 0, level: 5, tile: [0, 0] }, "the last is the whole window");
+        let next = MAP.page_at(MAP.page_count());
+        assert_eq!(next, Page { face: 1, level: 0, tile: [0, 0] }, "the first of the next face");
     }
 
     #[test]
@@ -225,17 +243,17 @@ mod tests {
     fn the_windows_last_edge_lies_on_its_last_page() {
         for level in 0..6 {
             let last = (32 >> level) - 1;
-            let page = MAP.page_of(DVec2::ONE, level);
-            assert_eq!(page, Page { level, tile: [last, last] }, "level {level}");
+            let page = MAP.page_of(2, DVec2::ONE, level);
+            assert_eq!(page, Page { face: 2, level, tile: [last, last] }, "level {level}");
         }
     }
 
     #[test]
-    fn a_crop_puts_the_page_and_nothing_else_into_clip_space() {
+    fn a_crop_puts_the_page_into_the_middle_of_clip_space() {
         for index in (0..MAP.page_count()).step_by(7) {
             let page = MAP.page_at(index);
             let m = f64::from(32u32 >> page.level);
-            for (corner, expected) in [([0.0, 0.0], [-1.0, 1.0]), ([1.0, 1.0], [1.0, -1.0])] {
+            for (corner, expected) in [([0.0, 0.0], [-0.5, 0.5]), ([1.0, 1.0], [0.5, -0.5])] {
                 let st: [f64; 2] = [0, 1].map(|i| (f64::from(page.tile[i]) + corner[i]) / m);
                 // With any w, and depth left as it is.
                 let clip = DVec4::new(2.0 * st[0] - 1.0, 1.0 - 2.0 * st[1], 0.3, 1.0) * 2.5;
@@ -259,8 +277,8 @@ mod tests {
         let few: BTreeSet<Page> = all.into_iter().take(16).collect();
         assert_eq!(MAP.fitting(&few), (0, few.clone()), "what fits is left alone");
         // Coarse ones stay what they are: 4 pages of level 3 beside the quarter of level 0 that becomes 4 of level 3.
-        let quarter = |i: u32| Page { level: 0, tile: [i % 16, i / 16] };
-        let coarse = |i: u32| Page { level: 3, tile: [2 + i % 2, 2 + i / 2] };
+        let quarter = |i: u32| Page { face: 0, level: 0, tile: [i % 16, i / 16] };
+        let coarse = |i: u32| Page { face: 0, level: 3, tile: [2 + i % 2, 2 + i / 2] };
         let mixed: BTreeSet<Page> = (0..256).map(quarter).chain((0..4).map(coarse)).collect();
         let (finest, pages) = MAP.fitting(&mixed);
         assert_eq!((finest, pages.len()), (3, 8), "a quarter of 256 pages");

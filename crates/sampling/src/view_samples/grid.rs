@@ -189,25 +189,17 @@ impl Fitter {
 
     /// The views of the frame's light, fitted to what casters can shadow of what is seen; and the blocks of these
     /// casters.
-    fn views(&mut self, frame: &Frame<'_>, fitting: &Fitting) -> Result<Vec<SeenView>, GpuError> {
-        self.hull(frame);
-        let region = self.visible_region(frame);
-        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
-        let views = fit_seen(frame.light, &self.hull, sight.as_ref(), fitting)?;
-        self.list(frame, &views);
-        Ok(views)
-    }
-
-    /// Points around all casters, world space.
-    pub(crate) fn hull(&mut self, frame: &Frame<'_>) -> &[DVec3] {
+    pub(crate) fn views(
+        &mut self,
+        frame: &Frame<'_>,
+        fitting: &Fitting,
+    ) -> Result<Vec<SeenView>, GpuError> {
         self.hull.clear();
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
-        &self.hull
-    }
-
-    /// Lists the blocks of casters that can shadow something in `views`.
-    pub(crate) fn list(&mut self, frame: &Frame<'_>, views: &[SeenView]) {
+        let region = self.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
+        let views = fit_seen(frame.light, &self.hull, sight.as_ref(), fitting)?;
         self.blocks.clear();
         let blocks = &mut self.blocks;
         for (index, view) in views.iter().enumerate() {
@@ -232,6 +224,7 @@ impl Fitter {
                 );
             });
         }
+        Ok(views)
     }
 
     /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and
