@@ -41,6 +41,8 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
             source("cascades", "const CASCADES: i32 = 4;"),
         ]
     };
+    let pages =
+        |path| vec![module("layout", path), module("map::shadow", "sampling::matched_shadow")];
     vec![
         ("single", matrices("map::layout_single")),
         (
@@ -55,6 +57,8 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
         ("paraboloid", charts("map::layout_paraboloid", "map::paraboloid")),
+        ("pages", pages("map::layout_single")),
+        ("pages-of-a-cube", pages("map::layout_cube")),
         ("cascades-by-map", cascades("sampling::cascade_by_map")),
         ("cascades-by-depth", cascades("sampling::cascade_by_depth")),
     ]
@@ -92,11 +96,9 @@ pub fn permutations() -> Vec<Permutation> {
         "map::scan_lines",
         "map::between",
         "map::draw_ids",
-        "sampling::matched_request",
         "sampling::matched_pages",
         "sampling::matched_casters",
         "sampling::matched_draw",
-        "sampling::matched_resolve",
         "sampling::view_samples_lists",
         "sampling::view_samples_casters",
         "sampling::view_samples_pieces",
@@ -152,11 +154,19 @@ pub fn permutations() -> Vec<Permutation> {
     all.extend(tables());
     all.extend(pyramids());
     all.extend(widths());
-    // Maps of single objects ask all of them, in the place of the lookup that area lights replace.
+    for layout in ["map::layout_single", "map::layout_cube"] {
+        all.push(Permutation {
+            name: format!("sampling-matched-request-{}", file_name(layout)),
+            root: "sampling::matched_request",
+            slots: vec![module("layout", layout)],
+        });
+    }
+    // Maps of single objects ask all of them, in the place of the lookup that area lights replace; and in pages there is
+    // nothing beyond a kernel.
     let is_soft = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::through");
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
-            if is_soft(&slots) && layout == "objects" {
+            if is_soft(&slots) && (layout == "objects" || layout.starts_with("pages")) {
                 continue;
             }
             let mut slots = slots.clone();

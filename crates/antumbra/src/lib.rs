@@ -209,7 +209,7 @@ techniques! {
     Psm(antumbra_sampling::Psm<Box<Config>>) = "sampling/psm",
     #[cfg(feature = "sampling")]
     /// Pages as fine as the view asks for.
-    ResolutionMatched(antumbra_sampling::ResolutionMatched) = "sampling/matched",
+    ResolutionMatched(antumbra_sampling::ResolutionMatched<Box<Config>>) = "sampling/matched",
     #[cfg(feature = "sampling")]
     /// The view's samples in place of a map's.
     ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
@@ -294,6 +294,10 @@ impl TechniqueConfig for Config {
 
     fn set_map_size(&mut self, size: u32) {
         self.settings_mut().set_map_size(size);
+    }
+
+    fn map_size(&self) -> Option<u32> {
+        self.settings().map_size()
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {

@@ -329,6 +329,10 @@ impl<T: TechniqueConfig + ?Sized> TechniqueConfig for Box<T> {
         (**self).set_map_size(size);
     }
 
+    fn map_size(&self) -> Option<u32> {
+        (**self).map_size()
+    }
+
     fn expectation(&self, case: &str) -> Option<Expectation> {
         (**self).expectation(case)
     }
@@ -345,6 +349,11 @@ pub trait TechniqueConfig {
     /// Sets the side of the technique's maps, texels. Without a map there is nothing to set.
     fn set_map_size(&mut self, size: u32) {
         let _ = size;
+    }
+
+    /// The side of the technique's maps, texels, where others build on it and must know; by default they need not.
+    fn map_size(&self) -> Option<u32> {
+        None
     }
 
     /// What theory says of the technique, with these settings and the default bias, on the hard case of that

@@ -42,6 +42,11 @@ struct Matrices {
     capacity: usize,
 }
 
+/// Whether casters are drawn from their triangles into charts of directions.
+fn is_chart(drawing: Drawing) -> bool {
+    matches!(drawing, Drawing::Traced | Drawing::Warped)
+}
+
 /// Room for the views of a cube; layouts of more make more.
 const USUAL_VIEWS: usize = 6;
 
@@ -131,15 +136,18 @@ impl ShadowMap {
         self.measure_depth(frame, &seen);
         (self.views, self.volumes) =
             seen.into_iter().map(|SeenView { view, volume, .. }| (view, volume)).unzip();
-        let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
-        if needed > self.matrices.capacity {
-            self.matrices = Matrices::new(gpu, self.stride, needed);
+        let drawn = self.views.iter().filter(|v| v.clip.is_some()).count();
+        if drawn > self.matrices.capacity {
+            self.matrices = Matrices::new(gpu, self.stride, drawn);
         }
         for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
             let offset = layer as u64 * u64::from(self.stride);
             let matrix = clip.as_mat4().to_cols_array();
             gpu.queue.write_buffer(&self.matrices.buffer, offset, bytemuck::bytes_of(&matrix));
         }
+        let in_pages = self.arrange.layout(frame.light).drawing == Drawing::Pages;
+        let needed = if in_pages { drawn.min(1) } else { drawn };
+        self.linear.truncate(needed);
         self.prepare_charts(gpu, frame, needed)?;
         // Layers are kept when fewer are needed, so that a light that flits in and out allocates once.
         if self.layers.as_ref().is_none_or(|l| l.each.len() < needed) && needed > 0 {
@@ -154,7 +162,7 @@ impl ShadowMap {
             *point -= frame.origin;
         }
         let convention = DepthConvention::REVERSED_F32;
-        let is_curved = self.arrange.layout(frame.light).drawing != Drawing::Matrix;
+        let is_curved = is_chart(self.arrange.layout(frame.light).drawing);
         let linear = |SeenView { view, ends, .. }: &SeenView| {
             let clip = view.clip?;
             let linear = match ends {
@@ -180,8 +188,8 @@ impl ShadowMap {
         needed: usize,
     ) -> Result<(), GpuError> {
         let layout = self.arrange.layout(frame.light);
-        if layout.drawing == Drawing::Matrix || needed == 0 {
-            self.charts = self.charts.take().filter(|_| layout.drawing != Drawing::Matrix);
+        if !is_chart(layout.drawing) || needed == 0 {
+            self.charts = self.charts.take().filter(|_| is_chart(layout.drawing));
             return Ok(());
         }
         let triangles = triangles_of(frame.casters)?;

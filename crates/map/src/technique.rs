@@ -85,6 +85,10 @@ impl TechniqueConfig for Plain {
         self.map.size = size;
     }
 
+    fn map_size(&self) -> Option<u32> {
+        Some(self.map.size)
+    }
+
     fn expectation(&self, case: &str) -> Option<Expectation> {
         expectation(&self.map, &Estimator::nearest(), case)
     }
@@ -234,6 +238,23 @@ impl MapTechnique {
         self.store.as_deref()
     }
 
+    /// What fits the views anew, or draws them, if anything: of the last frame's light.
+    #[must_use]
+    pub fn refit(&self) -> Option<&dyn Refit> {
+        self.refit.as_deref()
+    }
+
+    /// Whether the map is drawn in the usual way and texels are looked up within the estimator's radius alone, so that its
+    /// texels may lie anywhere ([`Drawing::Pages`]).
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        let wide =
+            |(slot, _): &antumbra_shaders::Slot| slot == "map::through" || slot == "map::shadow";
+        self.drawn_by.is_none()
+            && !self.store.as_ref().is_some_and(|s| s.draws())
+            && !self.estimator.slots.iter().any(wide)
+    }
+
     /// Takes note of what may be drawn of the casters, where it is masked.
     fn prepare_mask(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let layout = self.map.arrange().layout(frame.light);
@@ -279,12 +300,16 @@ impl Technique for MapTechnique {
         let layout = self.map.arrange().layout(frame.light);
         let convention = DepthConvention::REVERSED_F32;
         if self.resolve.as_ref().is_none_or(|(kept, _)| *kept != layout) {
-            let group = self.store.as_ref().and_then(|s| s.group_layout());
-            let resolve = Resolve::with_group(gpu, &layout, &self.estimator, convention, group)?;
-            self.resolve = Some((layout, resolve));
             self.refit = self.map.arrange().refit(gpu, frame.light)?;
+            let groups = [
+                self.store.as_ref().and_then(|s| s.group_layout()),
+                self.refit.as_ref().and_then(|r| r.group_layout()),
+            ];
+            let resolve = Resolve::with_groups(gpu, &layout, &self.estimator, convention, groups)?;
+            self.resolve = Some((layout, resolve));
         }
-        let mut layer = 0;
+        let last_layer = self.map.linear_depths().len().saturating_sub(1);
+        let mut layers = (0..).map(|layer: usize| layer.min(last_layer));
         let views: Vec<ShadowView> = self
             .map
             .views()
@@ -292,10 +317,10 @@ impl Technique for MapTechnique {
             .map(|view| match &view.clip {
                 None => ShadowView::empty(view.light),
                 Some(clip) => {
-                    layer += 1;
-                    let bias = &self.config.bias;
-                    ShadowView::new(clip, view.light, layer - 1, convention, bias, &self.estimator)
-                        .with_linear(&self.map.linear_depths()[layer as usize - 1])
+                    let layer = layers.next().unwrap_or_default();
+                    let (bias, number) = (&self.config.bias, layer as u32);
+                    ShadowView::new(clip, view.light, number, convention, bias, &self.estimator)
+                        .with_linear(&self.map.linear_depths()[layer])
                 }
             })
             .collect();
@@ -304,6 +329,9 @@ impl Technique for MapTechnique {
         }
         if let Some(refit) = &mut self.refit {
             refit.prepare(gpu, frame, &self.map)?;
+            if let Some((_, resolve)) = &mut self.resolve {
+                resolve.set_layout_group(refit.group());
+            }
         }
         if self.drawn_by.is_some() {
             caster_depth::triangles(frame.casters)?;
@@ -330,7 +358,7 @@ impl Technique for MapTechnique {
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
         let read = self.read().cloned();
-        let (Some((_, resolve)), Some(read)) = (&mut self.resolve, read) else {
+        let (Some((layout, resolve)), Some(read)) = (&mut self.resolve, read) else {
             return Err(GpuError::Invalid {
                 what: "frame",
                 value: "not prepared".to_owned(),
@@ -340,8 +368,11 @@ impl Technique for MapTechnique {
         self.counters.clear();
         if let Some(refit) = &mut self.refit {
             refit.encode(gpu, frame, &self.map, resolve, recorder);
+            self.counters.extend(refit.counters());
         }
-        if !self.store.as_ref().is_some_and(|s| s.draws()) {
+        let is_drawn =
+            layout.drawing == Drawing::Pages || self.store.as_ref().is_some_and(|s| s.draws());
+        if !is_drawn {
             let mask = self.mask.as_mut();
             let masked = mask.and_then(|mask| Some((mask, frame.casters.clusters(gpu)?)));
             match (&self.drawn_by, masked) {
@@ -374,6 +405,9 @@ impl Technique for MapTechnique {
         let mut counters = self.counters();
         if let Some(mask) = &self.mask {
             counters.insert("map_triangles", mask.read_triangles(gpu)?);
+        }
+        if let Some(refit) = &self.refit {
+            counters.extend(refit.read_counters(gpu)?);
         }
         if let Some(store) = &self.store {
             counters.extend(store.read_counters(gpu)?);
