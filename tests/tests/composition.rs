@@ -308,7 +308,11 @@ fn seams_of_the_cube_are_no_worse_than_the_middle_of_its_faces() {
         origin: meshes.origin(),
     };
     // What `map/triangle-depth` misses, slivers at the poles' limbs, depends on how they are seen.
-    let of_texels = |config: &Config| !matches!(config, Config::TriangleDepth(_));
+    // The pages that fit have texels of 10 m / 960, of which the shadows of poles on the axes are 24 wide to within 1/100,
+    // so that there is no error to compare with; `matched.rs` compares pages on a cube's faces with maps of these.
+    let of_texels = |config: &Config| {
+        !matches!(config, Config::TriangleDepth(_) | Config::ResolutionMatched(_))
+    };
     for config in sound_techniques(1024).into_iter().filter(of_texels) {
         let mut technique = config.build(&gpu).expect("a valid config");
         let visibility = run(&gpu, &frame, technique.as_mut());

@@ -57,8 +57,12 @@ pub(super) fn matched(
         "HC-01 A, point light" | "HC-23 light at the eye" => {
             Holds { bound: bound(of?) / (0.75 * 0.5 * (1.0 - 2.0 / 8.0)) }
         }
-        // As little as it likes of a triangle that reaches above the light.
-        "HC-02 light amid the caster" | "HC-02 in view" => return None,
+        // Of six faces of M x M pages the atlas holds all for 6 M^2 of its number, in steps of two, less borders: texels of
+        // 2 / M sides, where 1 is a face's half width. That is 3 m of the triangle at most, and an ideal texel 2 m of it
+        // over the map's side.
+        "HC-02 light amid the caster" | "HC-02 in view" => {
+            Holds { bound: bound(of?) * 2.0 * 6f64.sqrt() / (0.75 * 0.5) * 3.0 / 2.0 }
+        }
         _ => return antumbra_map::without_holes(case).or(of),
     })
 }

@@ -38,7 +38,8 @@ pub fn windows(
             return vec![parallel(to_light, hull, origin, texels, receivers, standing)];
         }
         Light::Spot { outer_angle, .. } => outer_angle.tan(),
-        _ => 1.0,
+        // What rounding puts beyond a seam is still in the face.
+        _ => 1.0 + 2.0 * GUARD / f64::from(texels),
     };
     let (eye, axes) = match *light {
         Light::Spot { position, direction, .. } => (position, vec![direction.normalize()]),
