@@ -493,13 +493,13 @@ fn a_steady_frame_allocates_nothing() {
     }
 }
 
-/// Number of pixels whose visibility differs by more than 1/256 under any technique, at most.
-fn differing(gpu: &Gpu, a: (&Stage, &Light), b: (&Stage, &Light)) -> usize {
+/// Number of pixels whose visibility differs by more than 1/256, at most, and the technique.
+fn differing(gpu: &Gpu, a: (&Stage, &Light), b: (&Stage, &Light)) -> (usize, &'static str) {
     let counts = every_technique(512).into_iter().map(|config| {
         let pair = shoot(gpu, a.0, a.1, &config).into_iter().zip(shoot(gpu, b.0, b.1, &config));
-        pair.filter(|(a, b)| (a - b).abs() > 1.0 / 256.0).count()
+        (pair.filter(|(a, b)| (a - b).abs() > 1.0 / 256.0).count(), config.id())
     });
-    counts.max().unwrap_or(0)
+    counts.max().unwrap_or_default()
 }
 
 #[test]
@@ -511,13 +511,13 @@ fn far_from_the_origin_masks_are_the_same() {
     assert_eq!(far.triangles.origin, offset, "the grid of origins holds the offset exactly");
     for light in lights(&scene) {
         let moved = light.translated(offset);
-        let differ = differing(&gpu, (&near, &light), (&far, &moved));
-        assert_eq!(differ, 0, "{light:?}: pixels differ after a move of 141 km");
+        let (differ, id) = differing(&gpu, (&near, &light), (&far, &moved));
+        assert_eq!(differ, 0, "{id}, {light:?}: pixels differ after a move of 141 km");
     }
     // The control: a light that did not come along to the centimetre.
     let light = scene.place_light(LightKind::Point);
     let astray = light.translated(offset + 0.01 * DVec3::X);
-    let differ = differing(&gpu, (&near, &light), (&far, &astray));
+    let (differ, _) = differing(&gpu, (&near, &light), (&far, &astray));
     assert!(differ > 0, "a light that is off by 1 cm goes unnoticed");
 }
 
@@ -529,10 +529,11 @@ fn masks_do_not_depend_on_the_unit_of_length() {
     for scale in [1e-3, 1e3] {
         let other = stage(&gpu, &scaled(&scene, scale));
         for light in lights(&scene) {
-            let differ = differing(&gpu, (&one, &light), (&other, &scaled_light(&light, scale)));
+            let there = (&other, &scaled_light(&light, scale));
+            let (differ, id) = differing(&gpu, (&one, &light), there);
             // All roundings are others: the camera's raster moves by 2^-24 of the picture, and a sample within
             // as much of a shadow's or an object's edge may change sides. Of 16384 pixels, 4 may.
-            assert!(differ <= 4, "{light:?} x {scale}: {differ} pixels differ");
+            assert!(differ <= 4, "{id}, {light:?} x {scale}: {differ} pixels differ");
         }
     }
 }

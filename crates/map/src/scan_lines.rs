@@ -208,9 +208,13 @@ impl Kept {
 
 impl Store for ScanLineStore {
     fn prepare(&mut self, gpu: &Gpu, _frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
-        let layers = map.layer_views().len().max(1) as u32;
-        if self.kept.as_ref().is_none_or(|k| k.layers < layers) {
-            let made = Kept::new(gpu, layers, map.size(), self.config.room, &self.read_layout)?;
+        // The pass needs some buffers even when no view reads them.
+        let (layers, side) = match map.layer_views().len() as u32 {
+            0 => (1, 1),
+            layers => (layers, map.size()),
+        };
+        if self.kept.as_ref().is_none_or(|k| k.rows < layers * side) {
+            let made = Kept::new(gpu, layers, side, self.config.room, &self.read_layout)?;
             self.scan.prepare(gpu, &made.lines, made.rows + 1)?;
             self.cut_group = BindGroupCache::default();
             self.kept = Some(made);
