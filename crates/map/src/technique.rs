@@ -249,7 +249,7 @@ impl MapTechnique {
     #[must_use]
     pub fn is_local(&self) -> bool {
         let wide =
-            |(slot, _): &antumbra_shaders::Slot| slot == "map::through" || slot == "map::shadow";
+            |(slot, _): &Slot| slot == "map::through" || slot == "map::shadow";
         self.drawn_by.is_none()
             && !self.store.as_ref().is_some_and(|s| s.draws())
             && !self.estimator.slots.iter().any(wide)

@@ -98,7 +98,7 @@ fn widest_half(clip: &DMat4, view: &View, receivers: Option<[DVec3; 2]>, size: f
 /// Corners of a box around all that receives, relative to the frame's origin, where that is known.
 fn around_receivers(frame: &Frame<'_>) -> Option<[DVec3; 2]> {
     let mut all = Bounds::EMPTY;
-    let known = frame.casters.receivers(&mut |bounds| all = all.union(bounds));
+    let known = frame.casters.bodies(&mut |body| all = all.union(body.bounds));
     (known && !all.is_empty()).then(|| [all.min - frame.origin, all.max - frame.origin])
 }
 
