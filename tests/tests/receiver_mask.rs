@@ -31,7 +31,11 @@ fn techniques(gpu: &Gpu, size: u32, receiver_mask: bool) -> Vec<Box<dyn Techniqu
         &PcfPoisson { map, radius: 3.5, ..Default::default() },
         &cascades,
         &by_depth,
-        &Sdsm { of: PcfCastano { map, ..Default::default() }, ..Sdsm::default() },
+        &Sdsm {
+            of: PcfCastano { map, ..Default::default() },
+            cull: receiver_mask,
+            ..Sdsm::default()
+        },
     ];
     configs.map(|config| config.build(gpu).expect("a valid config")).into()
 }

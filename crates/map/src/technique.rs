@@ -248,8 +248,7 @@ impl MapTechnique {
     /// texels may lie anywhere ([`Drawing::Pages`]).
     #[must_use]
     pub fn is_local(&self) -> bool {
-        let wide =
-            |(slot, _): &Slot| slot == "map::through" || slot == "map::shadow";
+        let wide = |(slot, _): &Slot| slot == "map::through" || slot == "map::shadow";
         self.drawn_by.is_none()
             && !self.store.as_ref().is_some_and(|s| s.draws())
             && !self.estimator.slots.iter().any(wide)
