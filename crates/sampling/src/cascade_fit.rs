@@ -251,7 +251,8 @@ impl<'a> Slices<'a> {
     /// is no finer than a tile takes part.
     fn tile(&self, windows: &mut [Option<[Window; 2]>]) {
         let coarser = |window: &Option<[Window; 2]>, grid: [usize; 2]| {
-            let texel = |i: usize| self.part(i, 0, grid[i]).texel;
+            // Texels go by steps, of which a tile's may be one: rounding does not decide then.
+            let texel = |i: usize| self.part(i, 0, grid[i]).texel * (1.0 - 1e-9);
             window.is_some_and(|w| w[0].texel >= texel(0) && w[1].texel >= texel(1))
         };
         let Some(mut first) = windows.iter().position(|w| coarser(w, [1, 1])) else { return };
