@@ -7,10 +7,12 @@
 //! <!-- /measured -->
 //! ```
 //!
-//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; without one, all are shown.
+//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; without one, all are shown. With a list
+//! `across` of columns, by their names in the CSV file, each scene and technique is one row, all lights side by side.
 
 use std::path::{Path, PathBuf};
 
+use antumbra_scene::{LightKind, generate};
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum as _;
 
@@ -55,7 +57,8 @@ pub(crate) fn run(check: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images.
+/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images. Scenes
+/// from files that are not here keep what was measured.
 pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     let old = Results::read(file)?;
     let settings = &old.settings;
@@ -63,11 +66,16 @@ pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     let Ok(suite) = Suite::from_str(&settings.suite, false) else {
         bail!("{} is of the unknown suite `{}`", file.display(), settings.suite)
     };
+    let is_here = |scene: &str| generate::by_name(scene).is_some() || Path::new(scene).exists();
+    let (here, away): (Vec<Run>, Vec<Run>) =
+        old.runs.iter().cloned().partition(|run| is_here(&run.scene));
+    ensure!(!here.is_empty(), "none of the scenes of {} is here", file.display());
     let out = std::env::temp_dir().join(format!("antumbra-measure-{}", std::process::id()));
     bench::run(BenchArgs {
-        scene: in_order(old.runs.iter().map(|run| run.scene.clone())),
-        light: in_order(old.runs.iter().map(|run| run.light.kind())),
-        technique: in_order(old.runs.iter().map(|run| run.technique.clone())),
+        scene: in_order(here.iter().map(|run| run.scene.clone())),
+        ground: settings.ground,
+        light: in_order(here.iter().map(|run| run.light.kind())),
+        technique: in_order(here.iter().map(|run| run.technique.clone())),
         size: Some(Size { width, height }),
         map_size: Some(settings.map_size),
         light_samples: Some(settings.light_samples),
@@ -82,6 +90,7 @@ pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     for run in &mut new.runs {
         run.files = Default::default();
     }
+    new.runs.extend(away);
     let text = serde_json::to_string_pretty(&new).context("cannot serialise the results")?;
     std::fs::write(file, text + "\n").with_context(|| format!("cannot write {}", file.display()))
 }
@@ -134,6 +143,7 @@ fn filled(text: &str, docs: &Path) -> anyhow::Result<(String, usize)> {
 fn table(mark: &str, docs: &Path) -> anyhow::Result<String> {
     let inner = mark.trim_start_matches(BEGIN).trim_end_matches("-->");
     let (mut file, mut scenes, mut lights, mut techniques) = (None, None, None, None);
+    let mut across = None;
     for pair in inner.split_whitespace() {
         let Some((key, value)) = pair.split_once('=') else { bail!("`{pair}` is not key=value") };
         let list = || Some(value.split(',').map(str::to_owned).collect::<Vec<_>>());
@@ -142,7 +152,8 @@ fn table(mark: &str, docs: &Path) -> anyhow::Result<String> {
             "scene" => scenes = list(),
             "light" => lights = list(),
             "technique" => techniques = list(),
-            _ => bail!("unknown key `{key}`; there are file, scene, light, technique"),
+            "across" => across = list(),
+            _ => bail!("unknown key `{key}`; there are file, scene, light, technique, across"),
         }
     }
     let Some(file) = file else { bail!("`{mark}` names no file") };
@@ -158,26 +169,64 @@ fn table(mark: &str, docs: &Path) -> anyhow::Result<String> {
     let runs: Vec<&Run> = results.runs.iter().filter(wanted).collect();
     ensure!(!runs.is_empty(), "`{mark}` selects no run of {}", file.display());
 
-    let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
-    let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
-    let mut text = format!("\n| scene | light | technique | {} |\n", titles.join(" | "));
-    text += &format!("|---|---|---|{}\n", "--:|".repeat(shown.len()));
-    for run in runs {
+    for run in &runs {
         ensure!(run.status == Status::Ok, "{} on {}: {}", run.technique, run.scene, run.status);
-        let cells: Vec<String> = shown
-            .iter()
-            .map(|c| c.value(run).map_or_else(|| "–".to_owned(), |v| c.unit.show(v)))
-            .collect();
-        let light = describe_light(&run.light);
-        text +=
-            &format!("| {} | {light} | `{}` | {} |\n", run.scene, run.technique, cells.join(" | "));
     }
+    let mut text = match across {
+        None => one_by_one(&runs),
+        Some(ids) => side_by_side(&runs, &ids)?,
+    };
     let [width, height] = results.settings.size;
     text += &format!(
         "\n{}, {}; view {width} x {height}, map {}².\n\n",
         results.adapter.name, results.adapter.driver_info, results.settings.map_size
     );
     Ok(text)
+}
+
+/// A row for each run.
+fn one_by_one(runs: &[&Run]) -> String {
+    let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
+    let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
+    let mut text = format!("\n| scene | light | technique | {} |\n", titles.join(" | "));
+    text += &format!("|---|---|---|{}\n", "--:|".repeat(shown.len()));
+    for run in runs {
+        let cells: Vec<String> = shown.iter().map(|c| cell(c, run)).collect();
+        let light = describe_light(&run.light);
+        text +=
+            &format!("| {} | {light} | `{}` | {} |\n", run.scene, run.technique, cells.join(" | "));
+    }
+    text
+}
+
+/// A row for each scene and technique, with the columns `ids` under each light.
+fn side_by_side(runs: &[&Run], ids: &[String]) -> anyhow::Result<String> {
+    let find = |id: &String| columns::metric(id).with_context(|| format!("no column `{id}`"));
+    let shown = ids.iter().map(find).collect::<anyhow::Result<Vec<_>>>()?;
+    let lights = in_order(runs.iter().map(|run| run.light.kind()));
+    let rows = in_order(runs.iter().map(|run| (&run.scene, &run.technique)));
+    let titles = |kind: &LightKind| {
+        shown.iter().map(|c| format!("{}, {}", kind.name(), c.title)).collect::<Vec<_>>()
+    };
+    let titles: Vec<String> = lights.iter().flat_map(titles).collect();
+    let mut text = format!("\n| scene | technique | {} |\n", titles.join(" | "));
+    text += &format!("|---|---|{}\n", "--:|".repeat(titles.len()));
+    for row in rows {
+        let under = |kind: &LightKind| {
+            let is_it =
+                |run: &&&Run| (&run.scene, &run.technique) == row && run.light.kind() == *kind;
+            let run = runs.iter().find(is_it);
+            let show = |c: &&columns::Column| run.map_or_else(|| "–".to_owned(), |r| cell(c, r));
+            shown.iter().map(show).collect::<Vec<_>>()
+        };
+        let cells: Vec<String> = lights.iter().flat_map(under).collect();
+        text += &format!("| {} | `{}` | {} |\n", row.0, row.1, cells.join(" | "));
+    }
+    Ok(text)
+}
+
+fn cell(column: &columns::Column, run: &Run) -> String {
+    column.value(run).map_or_else(|| "–".to_owned(), |v| column.unit.show(v))
 }
 
 #[cfg(test)]
@@ -204,6 +253,17 @@ mod tests {
     }
 
     #[test]
+    fn lights_stand_side_by_side_where_columns_are_named() {
+        let dir = tempfile::tempdir().expect("temporary directory");
+        let mark = "<!-- measured file=results.json technique=map/plain across=rmse,leak -->";
+        let (text, _) = page(dir.path(), mark).expect("filled");
+        let title = "| scene | technique | spot, RMSE | spot, leak | directional, RMSE | directional, leak |";
+        assert!(text.contains(title), "{text}");
+        assert!(text.contains("| half-plane | `map/plain` |"), "{text}");
+        assert!(text.contains("| – | – |"), "what was not measured is a dash: {text}");
+    }
+
+    #[test]
     fn marks_that_select_nothing_or_say_nonsense_are_errors() {
         let dir = tempfile::tempdir().expect("temporary directory");
         for mark in [
@@ -211,6 +271,7 @@ mod tests {
             "<!-- measured file=missing.json -->",
             "<!-- measured scene=street -->",
             "<!-- measured file=results.json colour=red -->",
+            "<!-- measured file=results.json across=colour -->",
         ] {
             assert!(page(dir.path(), mark).is_err(), "{mark}");
         }
