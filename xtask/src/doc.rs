@@ -8,7 +8,8 @@
 //! ```
 //!
 //! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; without one, all are shown. With a list
-//! `across` of columns, by their names in the CSV file, each scene and technique is one row, all lights side by side.
+//! `across` of columns and work counters, by their names in the CSV file, each scene and technique is one row, all lights
+//! side by side.
 
 use std::path::{Path, PathBuf};
 
@@ -199,16 +200,24 @@ fn one_by_one(runs: &[&Run]) -> String {
     text
 }
 
-/// A row for each scene and technique, with the columns `ids` under each light.
+/// A row for each scene and technique, with the columns and counters `ids` under each light.
 fn side_by_side(runs: &[&Run], ids: &[String]) -> anyhow::Result<String> {
-    let find = |id: &String| columns::metric(id).with_context(|| format!("no column `{id}`"));
-    let shown = ids.iter().map(find).collect::<anyhow::Result<Vec<_>>>()?;
+    for id in ids {
+        let known = columns::metric(id).is_some() || runs.iter().any(|r| r.work.contains_key(id));
+        ensure!(known, "no column or counter `{id}`");
+    }
+    let title = |id: &String| {
+        columns::metric(id).map_or_else(|| id.replace('_', " "), |c| c.title.to_owned())
+    };
+    let show = |id: &String, run: &Run| match columns::metric(id) {
+        Some(column) => cell(column, run),
+        None => run.work.get(id).map_or_else(|| "–".to_owned(), u64::to_string),
+    };
     let lights = in_order(runs.iter().map(|run| run.light.kind()));
     let rows = in_order(runs.iter().map(|run| (&run.scene, &run.technique)));
-    let titles = |kind: &LightKind| {
-        shown.iter().map(|c| format!("{}, {}", kind.name(), c.title)).collect::<Vec<_>>()
-    };
-    let titles: Vec<String> = lights.iter().flat_map(titles).collect();
+    let titles = lights.iter().flat_map(|kind| ids.iter().map(move |id| (kind, id)));
+    let titles: Vec<_> =
+        titles.map(|(kind, id)| format!("{}, {}", kind.name(), title(id))).collect();
     let mut text = format!("\n| scene | technique | {} |\n", titles.join(" | "));
     text += &format!("|---|---|{}\n", "--:|".repeat(titles.len()));
     for row in rows {
@@ -216,8 +225,8 @@ fn side_by_side(runs: &[&Run], ids: &[String]) -> anyhow::Result<String> {
             let is_it =
                 |run: &&&Run| (&run.scene, &run.technique) == row && run.light.kind() == *kind;
             let run = runs.iter().find(is_it);
-            let show = |c: &&columns::Column| run.map_or_else(|| "–".to_owned(), |r| cell(c, r));
-            shown.iter().map(show).collect::<Vec<_>>()
+            let cell = |id| run.map_or_else(|| "–".to_owned(), |run| show(id, run));
+            ids.iter().map(cell).collect::<Vec<_>>()
         };
         let cells: Vec<String> = lights.iter().flat_map(under).collect();
         text += &format!("| {} | `{}` | {} |\n", row.0, row.1, cells.join(" | "));
