@@ -1,5 +1,6 @@
 //! Made-up results for the tests of tables, page and comparison.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use antumbra_reference::Metrics;
@@ -63,6 +64,7 @@ pub(crate) fn results() -> Results {
             map_size: 1024,
             light_samples: 256,
             repeat: 9,
+            ground: false,
         },
         runs,
         stability: stability(),
@@ -161,6 +163,7 @@ fn scaling(light: Light) -> Vec<ScalingCurve> {
                 rmse: Some((3.0 * factor / value).sqrt()),
                 gpu_ms: Some(0.4 + value * value * 2e-7 / factor),
                 bytes: Some((value * value) as u64 * 4),
+                work: BTreeMap::new(),
             })
             .to_vec(),
     };

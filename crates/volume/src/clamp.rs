@@ -4,7 +4,7 @@ use antumbra_gpu::{
     BindGroupCache, CasterEdges, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind,
     entries, read_buffer,
 };
-use glam::{DVec3, Vec4};
+use glam::Vec4;
 
 use crate::receivers::{Receivers, storage};
 use crate::triangles::dispatch;
@@ -34,6 +34,8 @@ struct Make {
     eye: [f32; 4],
     how: [u32; 4],
     cut: [u32; 4],
+    contact: f32,
+    unused: [f32; 3],
 }
 
 /// What is clamped for.
@@ -43,7 +45,8 @@ pub(crate) struct ClampRequest<'a> {
     /// Triangles or bodies.
     pub(crate) volumes: u32,
     pub(crate) light: Vec4,
-    pub(crate) eye: DVec3,
+    /// The eye, homogeneous.
+    pub(crate) eye: Vec4,
     pub(crate) contact: f32,
 }
 
@@ -115,9 +118,11 @@ impl Clamp {
         let Savings { near, far, window, .. } = self.savings;
         let make = Make {
             light: light.to_array(),
-            eye: eye.as_vec3().extend(contact).to_array(),
+            eye: eye.to_array(),
             how: [volumes, width, row, height],
             cut: [near.into(), far.into(), window.into(), 0],
+            contact,
+            unused: [0.0; 3],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&make));
         Ok(())

@@ -5,7 +5,7 @@ use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 use crate::clamp::{Clamp, ClampRequest};
 use crate::count::{Counter, Counting, Draw, Eye, Request};
 use crate::cull::Cull;
-use crate::light::{contact, homogeneous_light, perspective, triangles};
+use crate::light::{Viewer, contact, homogeneous_light, triangles, viewer};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 use crate::{Savings, VolumeFaces};
 
@@ -92,13 +92,28 @@ impl VolumeTechnique {
     }
 }
 
+/// w of the near plane.
+///
+/// # Errors
+/// Parallel lines of sight.
+fn near_plane(view: &Viewer) -> Result<f64, GpuError> {
+    if view.eye.w == 0.0 {
+        return Err(GpuError::Invalid {
+            what: "camera",
+            value: "orthographic".to_owned(),
+            fix: "use a perspective camera, or `volume/counter`, which does without the near plane",
+        });
+    }
+    Ok(view.near)
+}
+
 impl Technique for VolumeTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let triangles = triangles(frame)?;
-        let view = perspective(frame)?;
+        let view = viewer(frame)?;
+        let eye = view.eye.as_vec4();
         let light = homogeneous_light(frame);
         let method = self.how.method;
-        let eye = view.camera.eye;
         self.producer.prepare(gpu, &triangles, light, eye, method, &mut self.faces)?;
         let contact = contact(frame);
         if let Some(cull) = &mut self.cull {
@@ -110,10 +125,10 @@ impl Technique for VolumeTechnique {
             let (samples, volumes) = (frame.samples, triangles.triangles);
             clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
         }
-        if let Some(eye) = &mut self.eye {
-            eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
+        if let Some(pass) = &mut self.eye {
+            pass.prepare(gpu, triangles.triangles, light, eye, method.number());
         }
-        let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
+        let near = if self.how.start == Start::NearPlane { near_plane(&view)? } else { 0.0 };
         let request =
             Request { samples: frame.samples, view, light, near, eye: self.how.eye(), contact };
         self.counting.prepare(gpu, &request, triangles.triangles)
@@ -177,15 +192,12 @@ impl Technique for VolumeTechnique {
 
     fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
         let mut counters = self.counters();
-        counters.extend([("doubtful_samples", self.counting.read_doubts(gpu)?)]);
+        counters.extend(self.counting.read_counters(gpu)?);
         if let Some(cull) = &self.cull {
             counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
         }
         if let Some(clamp) = &self.clamp {
             counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
-        }
-        if let Some(fragments) = self.counting.read_fragments(gpu)? {
-            counters.extend([("volume_fragments", fragments)]);
         }
         Ok(counters)
     }

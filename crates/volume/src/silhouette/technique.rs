@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
 use crate::clamp::{Clamp, ClampRequest};
 use crate::count::{Counting, Draw, Eye, Request};
-use crate::light::{contact, homogeneous_light, perspective, triangles};
+use crate::light::{contact, homogeneous_light, triangles, viewer};
 use crate::{Counter, Method, Savings, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
@@ -123,11 +123,11 @@ fn edges<'a>(gpu: &Gpu, frame: &Frame<'a>) -> Result<&'a CasterEdges, GpuError> 
 impl Technique for SilhouetteTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let triangles = triangles(frame)?;
-        let view = perspective(frame)?;
+        let view = viewer(frame)?;
         let light = homogeneous_light(frame);
         let request = FaceRequest {
             light,
-            eye: view.camera.eye,
+            eye: view.eye.as_vec4(),
             method: match self.config.method {
                 Counted::Behind => Method::Behind,
                 Counted::Choose => Method::Choose,
@@ -138,7 +138,7 @@ impl Technique for SilhouetteTechnique {
         };
         let edges = edges(gpu, frame)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
-        let (eye, contact) = (view.camera.eye, contact(frame));
+        let (eye, contact) = (view.eye.as_vec4(), contact(frame));
         if let Some(clamp) = &mut self.clamp {
             let (samples, volumes) = (frame.samples, edges.body_count);
             clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
@@ -201,14 +201,11 @@ impl Technique for SilhouetteTechnique {
             ("volume_sides", sides),
             ("volume_caps", caps),
             ("casting_bodies", bodies),
-            ("doubtful_samples", self.counting.read_doubts(gpu)?),
         ]);
         if let Some(clamp) = &self.clamp {
             counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
         }
-        if let Some(fragments) = self.counting.read_fragments(gpu)? {
-            counters.extend([("volume_fragments", fragments)]);
-        }
+        counters.extend(self.counting.read_counters(gpu)?);
         Ok(counters)
     }
 
