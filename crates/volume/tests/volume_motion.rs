@@ -5,7 +5,7 @@ use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{SampleClass, TruthOptions};
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Camera, Light, Scene};
-use antumbra_volume::{Auto, EyeCounter, Silhouette, ZFail, ZPass};
+use antumbra_volume::{Auto, EyeCounter, Savings, Silhouette, ZFail, ZPass};
 use glam::{DAffine3, DMat4, DVec2, DVec3, DVec4};
 
 fn gpu() -> Gpu {
@@ -163,11 +163,14 @@ fn orthographic(target: DVec3, back: DVec3, half: f64, reach: f64) -> ViewCamera
 fn parallel_lines_of_sight_are_exact_too() {
     let gpu = gpu();
     let scene = scene();
-    let configs: [(&str, &dyn TechniqueConfig); 4] = [
+    let savings = Savings::ALL;
+    let configs: [(&str, &dyn TechniqueConfig); 6] = [
         ("z-fail", &ZFail::default()),
+        ("z-fail, clamped", &ZFail { savings, ..ZFail::default() }),
         ("auto", &Auto::default()),
         ("counter", &EyeCounter::default()),
         ("silhouette", &Silhouette::default()),
+        ("silhouette, clamped", &Silhouette { savings, ..Silhouette::default() }),
     ];
     let mut techniques = build(&gpu, &configs);
     let mut z_pass = build(

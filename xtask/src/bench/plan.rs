@@ -10,6 +10,7 @@ use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use antumbra_soft::{Bitmask, Occluders, Pcss, SingleSample, Widths};
+use antumbra_volume::{Savings, Silhouette, ZFail};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -191,7 +192,30 @@ fn entries() -> Vec<Entry> {
             variant("pcss", over(Config::Pcss(Pcss::default()))),
             variant("bitmask", over(Config::Bitmask(Bitmask::default()))),
         ])
+        .chain(savings())
         .collect()
+}
+
+/// What is saved of volumes, each alone and all together; those that end in `tally` count fragments, too.
+fn savings() -> impl Iterator<Item = Entry> {
+    let none = Savings::default();
+    let all = [
+        ("tally", none),
+        ("window-tally", Savings { window: true, ..none }),
+        ("near-tally", Savings { near: true, ..none }),
+        ("far-tally", Savings { far: true, ..none }),
+        ("clamped-tally", Savings::ALL),
+        ("window", Savings { window: true, ..none }),
+        ("clamped", Savings::ALL),
+    ];
+    all.into_iter().flat_map(|(suffix, savings)| {
+        let savings = Savings { tally: suffix.ends_with("tally"), ..savings };
+        let volumes = [
+            Config::VolumeZFail(ZFail { savings, ..Default::default() }),
+            Config::VolumeSilhouette(Silhouette { savings, ..Default::default() }),
+        ];
+        volumes.map(|config| Entry { name: format!("{}-{suffix}", config.id()), config })
+    })
 }
 
 /// Whether a suite runs the technique where none is asked for.
