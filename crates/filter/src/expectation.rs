@@ -54,7 +54,7 @@ impl Bound {
 }
 
 /// A visibility that is off by as much counts as wrong (`antumbra_measure::stability`).
-const WRONG: f64 = 1e-5;
+pub(crate) const WRONG: f64 = 1e-5;
 
 pub(crate) fn expectation(
     map: &MapConfig,

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use antumbra::{Config, catalogue};
 use antumbra_filter::{
-    Esm, Fallback, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm, Table,
+    Esm, Fallback, Msm, MultipleDepth, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm,
+    Table,
 };
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
@@ -13,7 +14,7 @@ use antumbra_soft::{Bitmask, Occluders, Pcss};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
-use super::scaling;
+use super::{kernels, scaling};
 use crate::args::{BenchArgs, Size, Suite};
 use crate::results::Settings;
 
@@ -167,6 +168,11 @@ fn entries() -> Vec<Entry> {
             variant("microtri", bitmask(Occluders::Microtri)),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
+            variant(
+                "n-buffer",
+                Config::MultipleDepth(MultipleDepth { n_buffer: true, ..Default::default() }),
+            ),
+            variant("ends", Config::Msm(Msm { ends: true, ..Default::default() })),
             variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
             variant("tight", cascades(CascadeFit::Tight, Select::Map)),
             variant("warped", cascades(CascadeFit::Warped, Select::Map)),
@@ -190,7 +196,11 @@ fn belongs(entry: &Entry, suite: Suite) -> bool {
     match suite {
         Suite::Full => true,
         Suite::Stability => entry.name == entry.config.id(),
-        Suite::Quick | Suite::Scaling => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Quick => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Scaling => {
+            let name = entry.name.as_str();
+            QUICK_TECHNIQUES.contains(&name) || kernels::TECHNIQUES.contains(&name)
+        }
     }
 }
 

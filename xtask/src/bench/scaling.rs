@@ -1,4 +1,4 @@
-//! The scaling suite: error and time against the size of the map, and against the side of a filter.
+//! The scaling suite: error and time against the size of the map, and against the radius of a filter.
 
 use antumbra::Config;
 use antumbra_gpu::Gpu;
@@ -10,20 +10,19 @@ use anyhow::Context as _;
 use glam::DAffine3;
 use indicatif::ProgressBar;
 
+use super::kernels;
 use super::plan::{Entry, Plan, Subject};
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
 /// Sides of the map, texels.
 const MAP_SIZES: [u32; 6] = [128, 256, 512, 1024, 2048, 4096];
-/// Sides of the regular PCF kernel, texels.
-const KERNEL_SIDES: [u32; 7] = [1, 2, 3, 5, 7, 11, 15];
 
 /// One parameter of some techniques, and its values.
-struct Sweep {
-    parameter: &'static str,
-    values: &'static [u32],
-    set: fn(&mut Config, u32),
-    entries: Vec<Entry>,
+pub(super) struct Sweep {
+    pub(super) parameter: &'static str,
+    pub(super) values: &'static [u32],
+    pub(super) set: fn(&mut Config, u32),
+    pub(super) entries: Vec<Entry>,
 }
 
 fn sweeps(plan: &Plan) -> Vec<Sweep> {
@@ -31,21 +30,9 @@ fn sweeps(plan: &Plan) -> Vec<Sweep> {
         parameter: "map_size",
         values: &MAP_SIZES,
         set: |config, size| config.set_map_size(size),
-        entries: plan.techniques.clone(),
+        entries: plan.techniques.iter().filter(|e| !kernels::is_only_here(e)).cloned().collect(),
     };
-    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
-    let kernel_side = Sweep {
-        parameter: "kernel_side",
-        values: &KERNEL_SIDES,
-        set: |config, side| {
-            if let Config::PcfGrid(grid) = config {
-                grid.side = side;
-            }
-        },
-        // Variants of the kernel differ in nothing but its side.
-        entries: plan.techniques.iter().find(is_grid).cloned().into_iter().collect(),
-    };
-    [map_size, kernel_side].into_iter().filter(|s| !s.entries.is_empty()).collect()
+    [map_size, kernels::sweep(plan)].into_iter().filter(|s| !s.entries.is_empty()).collect()
 }
 
 /// The scene where none is asked for: one straight shadow edge. The caster is 10 m deep, not 100, because the
