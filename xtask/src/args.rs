@@ -26,8 +26,12 @@ pub(crate) enum Command {
     /// Fill the measured tables of the documentation from docs/results
     Doc {
         /// Fail where a table is out of date instead of writing it
-        #[arg(long)]
+        #[arg(long, conflicts_with = "measure")]
         check: bool,
+
+        /// Measure these results again first: the same scenes, lights, techniques and settings
+        #[arg(long, value_name = "results.json", num_args = 1..)]
+        measure: Vec<PathBuf>,
     },
     /// Write index.html again from the results.json of an earlier bench
     Report {

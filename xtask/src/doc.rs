@@ -12,7 +12,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
+use clap::ValueEnum as _;
 
+use crate::args::{BenchArgs, Size, Suite};
+use crate::bench;
 use crate::columns;
 use crate::results::{Results, Run, Status, describe_light};
 
@@ -50,6 +53,47 @@ pub(crate) fn run(check: bool) -> anyhow::Result<()> {
     }
     println!("{tables} tables in the documentation are those of the committed results");
     Ok(())
+}
+
+/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images.
+pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
+    let old = Results::read(file)?;
+    let settings = &old.settings;
+    let [width, height] = settings.size;
+    let Ok(suite) = Suite::from_str(&settings.suite, false) else {
+        bail!("{} is of the unknown suite `{}`", file.display(), settings.suite)
+    };
+    let out = std::env::temp_dir().join(format!("antumbra-measure-{}", std::process::id()));
+    bench::run(BenchArgs {
+        scene: in_order(old.runs.iter().map(|run| run.scene.clone())),
+        light: in_order(old.runs.iter().map(|run| run.light.kind())),
+        technique: in_order(old.runs.iter().map(|run| run.technique.clone())),
+        size: Some(Size { width, height }),
+        map_size: Some(settings.map_size),
+        light_samples: Some(settings.light_samples),
+        repeat: Some(settings.repeat),
+        suite,
+        out: out.clone(),
+        ..Default::default()
+    })?;
+    let mut new = Results::read(&out.join("results.json"))?;
+    // What is left behind in a temporary directory does no harm.
+    let _ = std::fs::remove_dir_all(&out);
+    for run in &mut new.runs {
+        run.files = Default::default();
+    }
+    let text = serde_json::to_string_pretty(&new).context("cannot serialise the results")?;
+    std::fs::write(file, text + "\n").with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// Each item once, in order of first appearance.
+fn in_order<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    items.fold(Vec::new(), |mut list, item| {
+        if !list.contains(&item) {
+            list.push(item);
+        }
+        list
+    })
 }
 
 fn collect(folder: &Path, pages: &mut Vec<PathBuf>) -> anyhow::Result<()> {

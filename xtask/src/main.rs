@@ -42,7 +42,11 @@ fn run(command: Command) -> anyhow::Result<()> {
             let _runtime_dir = (!args.list).then(provision::ensure_adapter).transpose()?;
             bench::run(args)
         }
-        Command::Doc { check } => doc::run(check),
+        Command::Doc { check, measure } => {
+            let _runtime_dir = (!measure.is_empty()).then(provision::ensure_adapter).transpose()?;
+            measure.iter().try_for_each(|file| doc::measure(file))?;
+            doc::run(check)
+        }
         Command::Report { dir } => report::run(&dir),
         Command::Shaders { command: ShaderCommand::Export { to, dir } } => {
             shaders::export(to, &dir)

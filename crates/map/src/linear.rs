@@ -197,7 +197,9 @@ mod tests {
         let at = |distance: f64| DVec3::new(0.0, 0.0, -distance);
         let ends = [at(3.0), at(5.0), at(11.0)];
         let eye = DVec3::new(0.1, 0.2, 20.0);
-        let parallel = DMat4::orthographic_rh(-1.0, 1.0, -1.0, 1.0, 11.0, 3.0);
+        // Depth 1 at a distance of 3, 0 at 11.
+        let parallel = DMat4::from_translation(DVec3::Z * 11.0 / 8.0)
+            * DMat4::from_scale(DVec3::new(1.0, 1.0, 1.0 / 8.0));
         for clip in [perspective(0.5, f64::INFINITY, true), parallel] {
             let linear = LinearDepth::between(&clip, &ends, DepthConvention::REVERSED_F32);
             let of = |p: DVec3| linear.of(clip.project_point3(p).z);

@@ -6,6 +6,7 @@ use antumbra_gpu::{
     light_view_layout,
 };
 use antumbra_map::{DepthConvention, ShadowMap, Store};
+use antumbra_scene::Bounds;
 use glam::{DMat4, DVec3, DVec4, Mat4};
 
 use crate::occlusion::{MAX_SLICES, OcclusionTextures, Prefilter};
@@ -182,8 +183,8 @@ impl SliceStore {
     fn place(&mut self, frame: &Frame<'_>, map: &ShadowMap) -> Vec<ViewSlices> {
         let light = frame.light;
         let center = light.position().map_or(DVec3::ZERO, |p| p - frame.origin);
-        let mut receivers = Vec::new();
-        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
+        let mut receivers = Vec::<Bounds>::new();
+        if !frame.casters.bodies(&mut |body| receivers.extend(body.parts)) {
             receivers.clear();
         }
         let mut all = Vec::new();

@@ -14,8 +14,10 @@ pub(super) struct Part {
     pub(super) indices: Range<u32>,
     /// World-space box.
     pub(super) bounds: Bounds,
-    /// Its triangles in groups, in the order of the index buffer.
-    pub(super) clusters: Vec<Cluster>,
+    /// Its triangles in groups of neighbours: their ranges in the index buffer, in its order.
+    pub(super) clusters: Vec<Range<u32>>,
+    /// The groups' world-space boxes.
+    pub(super) boxes: Vec<Bounds>,
     /// For a flat part that bounds the scene: its plane (xyz unit normal, w offset), the rest of the
     /// scene on the positive side.
     pub(super) floor: Option<DVec4>,
@@ -24,18 +26,14 @@ pub(super) struct Part {
 }
 
 impl Part {
-    pub(super) fn body(&self) -> CasterBody {
-        CasterBody { bounds: self.bounds, floor: self.floor }
+    pub(super) fn body(&self) -> CasterBody<'_> {
+        CasterBody { bounds: self.bounds, parts: &self.boxes, floor: self.floor }
     }
-}
 
-/// Triangles of one instance that lie near one another.
-#[derive(Clone, Debug)]
-pub(super) struct Cluster {
-    /// Their range in the index buffer.
-    pub(super) indices: Range<u32>,
-    /// World-space box.
-    pub(super) bounds: Bounds,
+    /// The groups of its triangles: range in the index buffer and box.
+    pub(super) fn clusters(&self) -> impl Iterator<Item = (&Range<u32>, &Bounds)> {
+        self.clusters.iter().zip(&self.boxes)
+    }
 }
 
 /// Most triangles of a cluster: a mesh of 200,000 triangles has some 8000 of them.
@@ -65,9 +63,10 @@ pub(super) fn parts(triangles: &Triangles) -> (Vec<Part>, Vec<[u32; 3]>) {
     for (range, cut) in instances.filter(|(range, _)| !range.is_empty()) {
         let mut clusters = Vec::new();
         split(&mut order[range.clone()], range.start, &place, &mut clusters);
-        let bounds = clusters.iter().fold(Bounds::EMPTY, |all, c| all.union(c.bounds));
+        let (clusters, boxes): (Vec<_>, Vec<Bounds>) = clusters.into_iter().unzip();
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
         let indices = range.start as u32 * 3..range.end as u32 * 3;
-        parts.push(Part { indices, bounds, clusters, floor: None, cut });
+        parts.push(Part { indices, bounds, clusters, boxes, floor: None, cut });
     }
     for i in 0..parts.len() {
         parts[i].floor = floor_plane(triangles, &parts, i);
@@ -81,12 +80,12 @@ fn split(
     triangles: &mut [[u32; 3]],
     first: usize,
     place: &impl Fn(u32) -> DVec3,
-    clusters: &mut Vec<Cluster>,
+    clusters: &mut Vec<(Range<u32>, Bounds)>,
 ) {
     if triangles.len() <= CLUSTER {
         let indices = first as u32 * 3..(first + triangles.len()) as u32 * 3;
         let bounds = Bounds::of(triangles.iter().flatten().map(|i| place(*i)));
-        clusters.push(Cluster { indices, bounds });
+        clusters.push((indices, bounds));
         return;
     }
     let middle = |t: &[u32; 3]| t.iter().map(|i| place(*i)).sum::<DVec3>();
@@ -134,7 +133,7 @@ fn floor_plane(triangles: &Triangles, parts: &[Part], i: usize) -> Option<DVec4>
 pub(super) fn cluster_records(parts: &[Part], origin: DVec3) -> Vec<u32> {
     let mut records = Vec::new();
     for part in parts {
-        for Cluster { indices, bounds } in &part.clusters {
+        for (indices, bounds) in part.clusters() {
             // The vertices are rounded to f32 relative to the origin already; their sum with it need not be exact.
             let low = (bounds.min - origin).as_vec3().to_array().map(f32::next_down);
             let high = (bounds.max - origin).as_vec3().to_array().map(f32::next_up);

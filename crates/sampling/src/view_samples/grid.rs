@@ -231,14 +231,15 @@ impl Fitter {
     /// every caster counts.
     fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
         let camera = frame.camera?;
-        self.receivers.clear();
-        let receivers = &mut self.receivers;
-        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
-            return None;
-        }
-        self.casters.clear();
-        let casters = &mut self.casters;
-        frame.casters.boxes(frame.light, &mut |bounds| casters.push(bounds));
-        VisibleRegion::new(&camera, &self.receivers, frame.origin)
+        let (receivers, casters) = (&mut self.receivers, &mut self.casters);
+        receivers.clear();
+        casters.clear();
+        let all = frame.casters.bodies(&mut |body| {
+            receivers.extend(body.parts);
+            if body.can_cast(frame.light) {
+                casters.extend(body.parts);
+            }
+        });
+        if all { VisibleRegion::new(&camera, receivers, frame.origin) } else { None }
     }
 }
