@@ -452,7 +452,6 @@ fn every_technique_over_a_map_runs_over_cascades_and_the_others_are_refused() {
         let single = error(&of).expect("a valid config");
         let cascades = error(&cascaded).unwrap_or_else(|| panic!("{} over cascades", of.id()));
         over += 1;
-        eprintln!("MEASURED {} {cascades} {single} {}", of.id(), cascades / single);
         // Bounds gain less: of what they leak most does not go with the texel. What averages depths before it compares
         // is wrong by its kernel: finer texels do not help it, and not to be much worse is all that is asked.
         let averages = ["filter/blurred-depth", "filter/soft-comparison"].contains(&of.id());

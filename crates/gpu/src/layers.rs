@@ -52,6 +52,12 @@ impl Layers {
         Ok(Self { texture, whole, each })
     }
 
+    /// Whether there are `count` layers or more of `size` texels a side.
+    #[must_use]
+    pub fn has_room(&self, size: u32, count: usize) -> bool {
+        self.texture.width() == size && self.each.len() >= count
+    }
+
     /// Bytes of GPU memory held.
     #[must_use]
     pub fn bytes(&self) -> u64 {

@@ -64,4 +64,4 @@ pub use technique::{MapConfig, MapTechnique, Plain};
 pub use triangle_map::TriangleMap;
 pub use triangles::{ObjectId, PolygonId, TriangleDepth};
 pub use view::{DepthConvention, ShadowView};
-pub use visible::VisibleRegion;
+pub use visible::{BodyBoxes, VisibleRegion};

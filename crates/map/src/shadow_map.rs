@@ -4,14 +4,13 @@ use antumbra_gpu::{
     CasterClusters, Counters, Drawn, Frame, Gpu, GpuError, Layers, LightView, ListedTriangles,
     Recorder, light_view_layout,
 };
-use antumbra_scene::Bounds;
 use glam::{DVec3, DVec4, Mat4};
 
 use crate::chart_pass::{ChartPass, triangles_of};
 use crate::receiver_mask::ReceiverMask;
 use crate::{
-    Arrange, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView,
-    Sight, VisibleRegion,
+    Arrange, BodyBoxes, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth,
+    SeenView, Sight,
 };
 
 /// Fitted views of a light and the depth map that holds them, one layer a view with casters.
@@ -29,8 +28,7 @@ pub struct ShadowMap {
     linear: Vec<LinearDepth>,
     volumes: Vec<Vec<DVec4>>,
     hull: Vec<DVec3>,
-    casters: Vec<Bounds>,
-    receivers: Vec<Bounds>,
+    boxes: BodyBoxes,
     counters: Counters,
 }
 
@@ -92,8 +90,7 @@ impl ShadowMap {
             linear: Vec::new(),
             volumes: Vec::new(),
             hull: Vec::new(),
-            casters: Vec::new(),
-            receivers: Vec::new(),
+            boxes: BodyBoxes::default(),
             counters: Counters::new(),
         })
     }
@@ -130,8 +127,8 @@ impl ShadowMap {
             guard: self.guard,
             receivers: self.draws_receivers,
         };
-        let region = self.visible_region(frame);
-        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
+        let region = self.boxes.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: self.boxes.casters() });
         let seen = self.arrange.fit(frame, &self.hull, sight.as_ref(), &fitting)?;
         self.measure_depth(frame, &seen);
         (self.views, self.volumes) =
@@ -199,22 +196,6 @@ impl ShadowMap {
         };
         self.charts.insert(charts).bind(gpu, &triangles, &self.matrices.buffer);
         Ok(())
-    }
-
-    /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and
-    /// every caster counts.
-    fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
-        let camera = frame.camera?;
-        let (receivers, casters) = (&mut self.receivers, &mut self.casters);
-        receivers.clear();
-        casters.clear();
-        let all = frame.casters.bodies(&mut |body| {
-            receivers.extend(body.parts);
-            if body.can_cast(frame.light) {
-                casters.extend(body.parts);
-            }
-        });
-        if all { VisibleRegion::new(&camera, receivers, frame.origin) } else { None }
     }
 
     /// Records one depth pass for each view with casters.

@@ -1,7 +1,7 @@
 //! What single-sample soft shadows read beside the map: the light, widths, and perhaps the casters' far sides.
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Frame, Gpu, GpuError, LightView, Recorder, bind, entries,
+    BindGroupCache, Counters, Frame, Gpu, GpuError, Layers, LightView, Recorder, bind, entries,
     light_view_layout,
 };
 use antumbra_map::{DepthConvention, ShadowMap, Store};
@@ -47,7 +47,7 @@ impl WidthStore {
             light: gpu.buffer("area light", &light, wgpu::BufferUsages::STORAGE),
             widths: WidthMap::new(gpu, config)?,
             far: config.back.then(|| FarSides::new(gpu)),
-            nothing: depth_layers(gpu, 1, 1)?.0,
+            nothing: depth_layers(gpu, 1, 1)?.whole,
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
@@ -199,13 +199,6 @@ struct FarSides {
     layers: Option<Layers>,
 }
 
-#[derive(Debug)]
-struct Layers {
-    size: u32,
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
-}
-
 impl FarSides {
     fn new(gpu: &Gpu) -> Self {
         let alignment = gpu.device.limits().min_uniform_buffer_offset_alignment;
@@ -245,10 +238,8 @@ impl FarSides {
             self.drawn.push(turned);
         }
         let needed = self.drawn.len();
-        let fits = |l: &Layers| l.size == map.size() && l.each.len() >= needed;
-        if needed > 0 && !self.layers.as_ref().is_some_and(fits) {
-            let (whole, each) = depth_layers(gpu, map.size(), needed as u32)?;
-            self.layers = Some(Layers { size: map.size(), whole, each });
+        if needed > 0 && !self.layers.as_ref().is_some_and(|l| l.has_room(map.size(), needed)) {
+            self.layers = Some(depth_layers(gpu, map.size(), needed as u32)?);
         }
         Ok(())
     }
@@ -273,41 +264,11 @@ impl FarSides {
     }
 
     fn bytes(&self) -> u64 {
-        let layers = self.layers.as_ref();
-        let texels = layers.map_or(0, |l| l.each.len() as u64 * u64::from(l.size).pow(2));
-        4 * texels + self.matrices.size()
+        self.layers.as_ref().map_or(0, Layers::bytes) + self.matrices.size()
     }
 }
 
-/// Depth layers of `size` texels a side: all of them, and each.
-fn depth_layers(
-    gpu: &Gpu,
-    size: u32,
-    count: u32,
-) -> Result<(wgpu::TextureView, Vec<wgpu::TextureView>), GpuError> {
-    let texture = gpu.create_texture(
-        "far sides",
-        &wgpu::TextureDescriptor {
-            label: Some("far sides"),
-            size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: count },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: ShadowMap::FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        },
-    )?;
-    let view = |dimension, base_array_layer, count| {
-        texture.create_view(&wgpu::TextureViewDescriptor {
-            label: Some("far sides"),
-            dimension: Some(dimension),
-            base_array_layer,
-            array_layer_count: Some(count),
-            ..Default::default()
-        })
-    };
-    let whole = view(wgpu::TextureViewDimension::D2Array, 0, count);
-    let each = (0..count).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
-    Ok((whole, each))
+fn depth_layers(gpu: &Gpu, size: u32, count: u32) -> Result<Layers, GpuError> {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+    Layers::new(gpu, "far sides", ShadowMap::FORMAT, (size, count), usage)
 }
