@@ -69,11 +69,24 @@ fn two_slabs_leak_on_the_gpu_as_in_closed_form() {
 fn a_floor_that_casts_nothing_is_in_the_map_all_the_same() {
     let gpu = gpu();
     let (map, filter) = settings();
-    // As above without the third caster: the floor lies beyond the last one, and leaks as much.
+    // As above without the third caster: the floor lies behind the last one, and so counts as at the range's end.
     let scene = slabs(&[(8.0, -5.0, 0.0), (4.0, -5.0, 5.0)]);
-    let found = across(&gpu, &scene, &Vsm { map, filter, ..Vsm::default() });
-    let most = found.into_iter().fold(0.0, f32::max);
-    assert!((0.435..=0.446).contains(&most), "1 / (1 + 2 r)^2 = 0.444, not {most}");
+    let config = Vsm { map, filter, ..Vsm::default() };
+    let most = across(&gpu, &scene, &config).into_iter().fold(0.0, f32::max);
+    let points = [ViewSample { position: Vec3::new(0.2, FLOOR as f32, 0.0), normal: Vec3::Y }];
+    let stage = Stage::at_points(&gpu, &scene, &points).expect("a stage");
+    let mut technique = config.technique(&gpu).expect("valid");
+    stage.shoot(&gpu, &overhead(), &mut technique, 0).expect("a shot");
+    let clip = technique.map().views()[0].clip.expect("a view with casters");
+    let linear = technique.map().linear_depths()[0];
+    let z = |y: f64| linear.of(clip.project_point3((y - scene.origin().y) * DVec3::Y).z);
+    assert!(z(FLOOR) > linear.last_caster && z(4.0) < linear.last_caster, "{linear:?}");
+    let r = (1.0 - z(4.0)) / (z(4.0) - z(8.0));
+    let expected = (1.0 + 2.0 * r).powi(-2);
+    // Weights and the least variance as in `two_slabs_leak_on_the_gpu_as_in_closed_form`.
+    let share = f64::from(most) / expected;
+    assert!((0.975..=1.005).contains(&share), "1 / (1 + 2 r)^2 = {expected}, not {most}");
+    assert!(expected < 0.444, "{expected} is no gain over the floor's own depth");
     // A slab over half, and another far below the floor: were it not for the floor's own depth, all but the
     // innermost of the shadow's rim would be lit.
     let scene = slabs(&[(4.0, -5.0, 0.0), (-20.0, 4.0, 5.0)]);

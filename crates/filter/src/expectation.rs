@@ -96,6 +96,15 @@ pub(crate) fn expectation(
                           one so near its receiver is within the bias",
             }
         }
+        // One sample of a floor behind the one caster, that is, as far behind it as the range is long; of 64 before and 64
+        // after that it is the only one in shadow, and all of its light counts.
+        "K9 nothing in view" if bound.leak(1.0, 0.0) >= f64::from(f32::MIN_POSITIVE) => {
+            Expectation::KnownLimit {
+                at_least: 1.0 / 128.0,
+                at_most: 1.0 / 128.0,
+                because: "what is far behind a caster still gets a share of light, however small",
+            }
+        }
         // The floor lies behind the caster, which is level, by half of the range at least.
         "HC-01 A, point light"
         | "HC-01 B, sun overhead"
