@@ -71,20 +71,6 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
 const OPEN: &[(&str, &str)] = &[
     ("map/normal-offset", "K2 tilted suns"),
     ("map/second-depth", "K7 crossing triangle"),
-    ("filter/pcf-footprint", "K17 edge across splits"),
-    ("filter/pcf-hardware", "K17 edge across splits"),
-    ("filter/interleaved", "K1 plates of one size"),
-    ("filter/interleaved", "K2 tilted suns"),
-    ("filter/interleaved", "K8 spot lights in view"),
-    ("filter/interleaved", "K10 flat depth"),
-    ("filter/interleaved", "K11 gap of depths"),
-    ("filter/vsm", "K9 nothing in view"),
-    ("filter/lvsm", "K9 nothing in view"),
-    ("filter/savsm", "K9 nothing in view"),
-    ("filter/savsm", "K11 gap of depths"),
-    ("filter/esm", "K9 nothing in view"),
-    ("filter/evsm", "K9 nothing in view"),
-    ("filter/msm", "K9 nothing in view"),
     ("sampling/lispsm", "K17 edge across splits"),
     ("sampling/tsm", "K17 edge across splits"),
     ("sampling/psm", "K17 edge across splits"),
@@ -93,6 +79,9 @@ const OPEN: &[(&str, &str)] = &[
 
 /// What nobody has said yet: pairs of a technique and a case that are measured and not judged.
 const UNSAID: &[(&str, &str)] = &[
+    ("filter/interleaved", "HC-19 three and four triangles on an edge"),
+    ("filter/interleaved", "HC-20 winding without a side"),
+    ("filter/interleaved", "HC-22 vertex on an edge"),
     ("map/planar", "HC-17 beyond the far plane"),
     ("map/shadow-texture", "HC-17 beyond the far plane"),
     ("map/disc", "HC-17 beyond the far plane"),

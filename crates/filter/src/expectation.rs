@@ -1,8 +1,11 @@
 //! What theory says of filtered bounds on each hard case.
 
+mod compared;
+
 use antumbra_gpu::Expectation;
 use antumbra_map::{Estimator, MapConfig};
 
+pub(crate) use self::compared::{compared, joined};
 use crate::prefilter::Prefilter;
 
 /// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels.
