@@ -12,6 +12,8 @@
 
 mod back_projection;
 mod bitmask;
+mod bounding;
+mod deeper;
 mod expectation;
 mod facing;
 mod occlusion;
@@ -19,6 +21,7 @@ mod offset;
 mod pcss;
 mod slices;
 mod store;
+mod table;
 pub mod twin;
 mod vssm;
 mod window;
@@ -29,4 +32,4 @@ pub use facing::Facing;
 pub use occlusion::{Fusion, OcclusionTextures, Placement, Prefilter};
 pub use pcss::Pcss;
 pub use vssm::Vssm;
-pub use window::Window;
+pub use window::{Hierarchy, Window};
