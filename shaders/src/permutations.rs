@@ -37,9 +37,12 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
         vec![
             module("layout", path),
             module("map::shadow", "sampling::cascade_shadow"),
+            module("map::looked_up", "sampling::cascade_looked_up"),
             source("cascades", "const CASCADES: i32 = 4;"),
         ]
     };
+    let pages =
+        |path| vec![module("layout", path), module("map::shadow", "sampling::matched_shadow")];
     vec![
         ("single", matrices("map::layout_single")),
         (
@@ -54,6 +57,8 @@ fn layouts() -> Vec<(&'static str, Vec<Slot>)> {
         ("tetrahedron", matrices("map::layout_tetrahedron")),
         ("isocube", charts("map::layout_isocube", "map::isocube")),
         ("paraboloid", charts("map::layout_paraboloid", "map::paraboloid")),
+        ("pages", pages("map::layout_single")),
+        ("pages-of-a-cube", pages("map::layout_cube")),
         ("cascades-by-map", cascades("sampling::cascade_by_map")),
         ("cascades-by-depth", cascades("sampling::cascade_by_depth")),
     ]
@@ -81,19 +86,19 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::eye",
         "volume::resolve",
         "volume::triangle",
+        "volume::batches",
         "volume::doubtful",
         "volume::receivers",
         "volume::cull",
         "volume::silhouettes",
         "map::cull_clusters",
         "map::peel",
+        "map::scan_lines",
         "map::between",
         "map::draw_ids",
-        "sampling::matched_request",
         "sampling::matched_pages",
         "sampling::matched_casters",
         "sampling::matched_draw",
-        "sampling::matched_resolve",
         "sampling::view_samples_lists",
         "sampling::view_samples_casters",
         "sampling::view_samples_pieces",
@@ -141,11 +146,20 @@ pub fn permutations() -> Vec<Permutation> {
     }
     all.extend(tables());
     all.extend(pyramids());
-    // Maps of single objects ask all of them, in the place of the lookup that area lights replace.
+    all.extend(widths());
+    for layout in ["map::layout_single", "map::layout_cube"] {
+        all.push(Permutation {
+            name: format!("sampling-matched-request-{}", file_name(layout)),
+            root: "sampling::matched_request",
+            slots: vec![module("layout", layout)],
+        });
+    }
+    // Maps of single objects ask all of them, in the place of the lookup that area lights replace; and in pages there is
+    // nothing beyond a kernel.
     let is_soft = |slots: &[Slot]| slots.iter().any(|(slot, _)| slot == "map::through");
     for (estimator, slots) in estimators() {
         for (layout, layout_slots) in layouts() {
-            if is_soft(&slots) && layout == "objects" {
+            if is_soft(&slots) && (layout == "objects" || layout.starts_with("pages")) {
                 continue;
             }
             let mut slots = slots.clone();
@@ -332,12 +346,22 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
     let core = |values: &[i32]| source("config", castano_constants(values));
     let loaded = module("store", "common::depth_map");
     let compared = module("store", "common::compare_map");
+    let gathered = module("store", "common::gather_map");
     let separable = module("estimator", "filter::separable");
     let taps = module("estimator", "filter::hardware_castano");
     let kernel = |path| module("kernel", path);
     let mut all = vec![
         ("nearest", vec![loaded.clone(), module("estimator", "map::nearest")]),
-        ("hardware", vec![compared.clone(), module("estimator", "filter::hardware")]),
+        (
+            "scan-lines",
+            vec![
+                loaded.clone(),
+                module("common::depth_map", "map::scan_line_map"),
+                module("estimator", "map::nearest"),
+            ],
+        ),
+        ("hardware", vec![gathered, module("estimator", "filter::hardware")]),
+        ("hardware-comparison", vec![compared.clone(), module("estimator", "filter::hardware")]),
         (
             "poisson",
             vec![
@@ -426,6 +450,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("pcss", "soft::pcss", None, true, mask_256),
         ("pcss-all-texels", "soft::pcss", None, false, mask_64),
         ("back-projection", "soft::back_projection", None, true, mask_256),
+        ("radial-search", "soft::radial", None, true, mask_256),
         ("bitmask-micropatch-64", "soft::bitmask", patch, true, mask_64),
         ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
         ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
@@ -466,8 +491,45 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         (name, slots)
     })
     .into_iter()
-    .chain([vssm(true), vssm(false)])
+    .chain([vssm(true), vssm(false), single_sample(true), single_sample(false)])
     .collect()
+}
+
+/// Soft shadows from a single light sample, of either shadow depth.
+fn single_sample(back: bool) -> (&'static str, Vec<Slot>) {
+    let constants = format!(
+        "const LINEAR: bool = true;\nconst BORDER: bool = {back};\nconst SCALE: f32 = 1.0;\nconst BIAS: f32 = 0.05;\n"
+    );
+    let mut slots = vec![
+        module("store", "common::depth_map"),
+        module("map::through", "soft::through"),
+        module("estimator", "soft::width"),
+        source("config", constants),
+    ];
+    if back {
+        slots.push(module("soft::width_depth", "soft::width_depth_back"));
+    }
+    (if back { "single-sample-back" } else { "single-sample" }, slots)
+}
+
+/// Passes that make a shadow-width map.
+fn widths() -> Vec<Permutation> {
+    [
+        ("doubling-first", "soft::width_doubling", "soft::width_of_map"),
+        ("doubling", "soft::width_doubling", "soft::width_of_widths"),
+        ("sweep-first", "soft::width_sweep", "soft::width_of_map"),
+        ("sweep", "soft::width_sweep", "soft::width_of_widths"),
+        ("euclid", "soft::width_euclid", "soft::width_of_widths"),
+    ]
+    .map(|(name, root, below)| Permutation {
+        name: format!("soft-width-{name}"),
+        root,
+        slots: vec![
+            module("below", below),
+            source("width_config", "const STEPS: i32 = 84;\nconst NEIGHBOURS: i32 = 6;\n"),
+        ],
+    })
+    .into()
 }
 
 /// Variance soft shadows, with and without a pyramid and a tally.

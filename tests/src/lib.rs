@@ -1,6 +1,6 @@
 //! What the workspace's tests share.
 
-use antumbra_gpu::{Gpu, GpuOptions, wgpu};
+use antumbra_gpu::{Gpu, GpuOptions, Recorder, wgpu};
 
 /// The device that tests run on.
 ///
@@ -53,5 +53,29 @@ pub fn image(gpu: &Gpu, size: u32, values: &[f32]) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2Array),
         ..Default::default()
+    })
+}
+
+/// Submits what `record` records.
+pub fn submit(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>)) {
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    record(&mut Recorder::new(&mut encoder));
+    gpu.queue.submit([encoder.finish()]);
+}
+
+/// An array of square textures, to draw into and to read from.
+#[must_use]
+pub fn texture(gpu: &Gpu, format: wgpu::TextureFormat, side: u32, layers: u32) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("the caller's"),
+        size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
     })
 }

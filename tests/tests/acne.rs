@@ -8,6 +8,8 @@
 //! One kind of false shadow is left: a crease between two facets that are both lit, and steeper than the bias cone as the
 //! light sees it, which happens where the light grazes one of them. Nothing in a map tells it from a caster.
 
+use std::collections::HashMap;
+
 use antumbra_filter::PcfHardware;
 use antumbra_gpu::Gpu;
 use antumbra_map::{Bias, Estimator, FittedView, MapConfig, MapTechnique};
@@ -112,14 +114,8 @@ fn aside(v: DVec3, towards: DVec3) -> f64 {
 }
 
 /// Whether what the light sees at `q` rises from the plane through `p` by more than a bias cone of slope `cone` allows
-/// at `q`, or at the distance `most` where the kernel allows no more.
-fn is_steep(
-    tracer: &Tracer,
-    towards: DVec3,
-    (p, n): (DVec3, DVec3),
-    q: DVec3,
-    (cone, most): (f64, f64),
-) -> bool {
+/// there.
+fn is_steep(tracer: &Tracer, towards: DVec3, (p, n): (DVec3, DVec3), q: DVec3, cone: f64) -> bool {
     let far = f64::from(tracer.radius());
     let ray = Ray {
         origin: (q + far * towards).as_vec3(),
@@ -129,7 +125,60 @@ fn is_steep(
     let rise = tracer.closest(&ray).map_or(0.0, |hit| far - f64::from(hit.t));
     // The cone widens with the tangent of the angle of incidence; 1 % for rounding, of positions too.
     let t = (n.dot(towards).powi(-2) - 1.0).max(0.0).sqrt().max(1.0);
-    rise > 0.99 * cone * 0.5 * (t + 1.0 / t) * aside(q - p, towards).min(most)
+    rise > 0.99 * cone * 0.5 * (t + 1.0 / t) * aside(q - p, towards)
+}
+
+/// Edges at which two facets meet that both face the light, one of them rising from the other's plane by more than the
+/// bias cone of slope `cone` allows: the bottoms of creases that a map darkens.
+///
+/// Along the light, a facet with normal n rises by -n' . x / (n . l) at x across the light, with n' what n has across.
+/// So two facets part by the difference of these gradients, whatever their edge's direction.
+fn steep_creases(
+    triangles: &[[DVec3; 3]],
+    towards: impl Fn(DVec3) -> DVec3,
+    cone: f64,
+) -> Vec<[DVec3; 2]> {
+    let key = |p: DVec3| p.to_array().map(f64::to_bits);
+    let mut beside: HashMap<[[u64; 3]; 2], Vec<usize>> = HashMap::new();
+    for (number, t) in triangles.iter().enumerate() {
+        for i in 0..3 {
+            let mut edge = [key(t[i]), key(t[(i + 1) % 3])];
+            edge.sort_unstable();
+            beside.entry(edge).or_default().push(number);
+        }
+    }
+    let mut creases = Vec::new();
+    for ([a, b], facets) in beside {
+        let [a, b] = [a, b].map(|p| DVec3::from_array(p.map(f64::from_bits)));
+        let l = towards(0.5 * (a + b));
+        let gradient = |facet: usize| {
+            let [p, q, r] = triangles[facet];
+            let n = (q - p).cross(r - p).normalize_or_zero();
+            let n = n * n.dot(l).signum();
+            (-n.reject_from_normalized(l) / n.dot(l), (n.dot(l).powi(-2) - 1.0).max(0.0).sqrt())
+        };
+        let steep = |from: usize, to: usize| {
+            let ((own, t), (other, _)) = (gradient(from), gradient(to));
+            let t = t.max(1.0);
+            // Into the other facet, where it is to rise.
+            let height = |p: &DVec3| (*p - a).cross(b - a).length();
+            let corner = triangles[to].into_iter().max_by(|p, q| height(p).total_cmp(&height(q)));
+            let away = corner.map_or(DVec3::ZERO, |p| (p - a).reject_from_normalized(l));
+            (other - own).dot(away) > 0.0 && (other - own).length() > 0.5 * cone * (t + 1.0 / t)
+        };
+        let mut pairs = facets.iter().flat_map(|i| facets.iter().map(move |j| (*i, *j)));
+        if pairs.any(|(i, j)| i != j && steep(i, j)) {
+            creases.push([a, b]);
+        }
+    }
+    creases
+}
+
+/// Distance of `p` from an edge, as the light sees it.
+fn beside(p: DVec3, [a, b]: [DVec3; 2], towards: DVec3) -> f64 {
+    let [a, b] = [a, b].map(|v| (v - p).reject_from_normalized(towards));
+    let along = (-a.dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+    (a + (b - a) * along).length()
 }
 
 /// Centres of the texels that a kernel of `side` x `side` compares at `t`.
@@ -138,10 +187,13 @@ fn centers(t: DVec2, side: i32) -> impl Iterator<Item = DVec2> {
     (0..side * side).map(move |i| first + DVec2::new(f64::from(i % side), f64::from(i / side)))
 }
 
-/// How many samples are lit, how many of these are darkened at creases, and how many without a reason.
+/// How many lit samples a kernel darkens without a shadow: at creases, of those that lie as near to a steep crease as the
+/// kernel reaches; and without a reason.
+#[derive(Debug)]
 struct Findings {
     lit: usize,
     creases: usize,
+    near_creases: usize,
     unexplained: usize,
 }
 
@@ -151,7 +203,8 @@ fn inspect(gpu: &Gpu, name: &str, kind: LightKind, map: MapConfig, side: i32) ->
         .expect("a stage");
     let light = scene.light_or_placed(kind);
     let truth = stage.truth(&light, &TruthOptions { ties: true, ..TruthOptions::default() });
-    let estimator = if side == 1 { Estimator::nearest() } else { PcfHardware { map }.estimator() };
+    let bilinear = PcfHardware { map, ..Default::default() };
+    let estimator = if side == 1 { Estimator::nearest() } else { bilinear.estimator() };
     let mut technique = MapTechnique::new(gpu, &map, estimator).expect("a valid config");
     let shot = stage.shoot(gpu, &light, &mut technique, 0).expect("a shot");
     let (suspects, lit) = suspects(&truth, &shot.visibility);
@@ -162,30 +215,47 @@ fn inspect(gpu: &Gpu, name: &str, kind: LightKind, map: MapConfig, side: i32) ->
         .iter()
         .map(|t| t.map(|i| stage.triangles.positions[i as usize].as_dvec3()))
         .collect();
+    let cone = f64::from(map.bias.cone);
+    let towards = |p| light.towards(p + stage.triangles.origin, DVec2::splat(0.5)).normalize();
+    // The points of a sample's plane that the texels of its kernel show.
+    let compared = |i: usize| {
+        let (p, n) = (points[i].position.as_dvec3(), points[i].normal.as_dvec3());
+        let clip = view_of(technique.map().views(), p).and_then(|view| view.clip);
+        let centers = clip.map(|clip| {
+            centers(texel(&clip, p), side).map(move |center| on_plane(&clip, p, n, center))
+        });
+        (p, n, centers.into_iter().flatten().collect::<Vec<_>>())
+    };
     let (mut creases, mut unexplained) = (0, 0);
     for i in suspects {
-        let (p, n) = (points[i].position.as_dvec3(), points[i].normal.as_dvec3());
-        let towards = light.towards(p + stage.triangles.origin, DVec2::splat(0.5)).normalize();
-        let view = view_of(technique.map().views(), p).and_then(|view| view.clip);
-        let clip = view.expect("a sample in shadow lies in a view");
-        let any = |reason: &dyn Fn(DVec3) -> bool| {
-            centers(texel(&clip, p), side).any(|center| reason(on_plane(&clip, p, n, center)))
-        };
-        if any(&|q| is_shadowed(stage.tracer(), &light, (p, n), q, &triangles)) {
+        let (p, n, compared) = compared(i);
+        assert!(!compared.is_empty(), "a sample in shadow lies in a view");
+        let tracer = stage.tracer();
+        let shadowed = |q: &DVec3| is_shadowed(tracer, &light, (p, n), *q, &triangles);
+        if compared.iter().any(shadowed) {
             continue;
         }
-        let cone = f64::from(map.bias.cone);
-        // A bilinear fetch has one reference for its four texels, moved by half a texel of the cone an axis.
-        let axis = |d| aside(on_plane(&clip, p, n, texel(&clip, p) + d) - p, towards);
-        let half = 0.5 * (axis(DVec2::X) + axis(DVec2::Y));
-        let most = if side == 1 { f64::INFINITY } else { half };
-        if cone > 0.0 && any(&|q| is_steep(stage.tracer(), towards, (p, n), q, (cone, most))) {
+        let steep = |q: &DVec3| is_steep(tracer, towards(p), (p, n), *q, cone);
+        if cone > 0.0 && compared.iter().any(steep) {
             creases += 1;
         } else {
             unexplained += 1;
         }
     }
-    Findings { lit, creases, unexplained }
+    let mut near_creases = 0;
+    if creases > 0 {
+        let steep = steep_creases(&triangles, towards, cone);
+        let near = |i: &usize| {
+            let (p, _, compared) = compared(*i);
+            let l = towards(p);
+            let reach = compared.iter().map(|q| aside(*q - p, l)).fold(0.0, f64::max);
+            steep.iter().any(|crease| beside(p, *crease, l) <= reach)
+        };
+        let counted =
+            |i: &usize| truth.class[*i] == SampleClass::Counted && truth.visibility[*i] >= 1.0;
+        near_creases = (0..points.len()).filter(counted).filter(near).count();
+    }
+    Findings { lit, creases, near_creases, unexplained }
 }
 
 #[test]
@@ -196,13 +266,10 @@ fn no_receiver_of_any_scene_shadows_itself() {
     for (name, ..) in generate::ALL {
         for kind in LIGHTS {
             for side in [1, 2] {
-                let Findings { lit, creases, unexplained } = inspect(&gpu, name, kind, map, side);
-                // Of the terrain under a low sun, 2 in 10,000 for one texel and 4 for four.
-                let most = if *name == "terrain" { lit / 2500 } else { 0 };
-                if unexplained > 0 || creases > most {
-                    faults.push(format!(
-                        "{name}, {kind:?}, {side} x {side}: {unexplained} and {creases} of {lit}"
-                    ));
+                let found = inspect(&gpu, name, kind, map, side);
+                // What lies near a crease may be lit all the same: where the texel's centre lies on its own side.
+                if found.unexplained > 0 || found.creases > found.near_creases {
+                    faults.push(format!("{name}, {kind:?}, {side} x {side}: {found:?}"));
                 }
             }
         }

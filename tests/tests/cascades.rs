@@ -6,7 +6,7 @@ use antumbra_map::{FittedView, MapConfig, MapTechnique, Plain, TexelOnScreen};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
 use antumbra_sampling::twin::{Choice, choose};
-use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
+use antumbra_sampling::{CascadeFit, Cascades, Lispsm, Psm, Sdsm, Select, Splits, Tsm};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, Scene};
 use antumbra_tests::gpu;
@@ -298,6 +298,19 @@ fn casters_far_outside_of_the_view_are_kept() {
             let wrong = wrong_share(&gpu, &stage, &light, &mut technique, 2.0);
             assert!(wrong == 0.0, "{config:?}: {wrong} of the samples");
         }
+        let of = Plain { map: MapConfig { size: MAP, ..MapConfig::default() } };
+        let others: [&dyn TechniqueConfig; 5] = [
+            &Sdsm { of, ..Default::default() },
+            &Sdsm { of, clusters: true, ..Default::default() },
+            &Lispsm { of, ..Default::default() },
+            &Tsm { of, ..Default::default() },
+            &Psm { of, ..Default::default() },
+        ];
+        for (number, config) in others.into_iter().enumerate() {
+            let mut technique = config.build(&gpu).expect("a valid config");
+            let wrong = wrong_share(&gpu, &stage, &light, technique.as_mut(), 2.0);
+            assert!(wrong == 0.0, "{number}: {wrong} of the samples");
+        }
     }
 }
 
@@ -503,5 +516,65 @@ fn generated_scenes_are_as_right_as_with_one_map_under_every_light() {
                 assert_eq!(found, single, "{config:?}: lights of a place have no cascades");
             }
         }
+    }
+}
+
+/// A scene no wider than the last cascades is shared out among them: their texels are finer than those of one map that
+/// is fitted to what is seen, and no camera moves them.
+#[test]
+fn cascades_that_would_be_the_same_share_their_window_out() {
+    let gpu = gpu();
+    let scene = generate::by_name("tree").expect("a generated scene");
+    let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 128, 128).expect("a stage");
+    let light = scene.place_light(antumbra_scene::LightKind::Directional);
+    let measured = |technique: &mut MapTechnique| {
+        stage.shoot(&gpu, &light, technique, 0).expect("a shot");
+        let map = technique.map();
+        let layout = map.arrange().layout(&light);
+        let sampling = stage.sampling(&gpu, layout, map.views(), MAP).expect("measured");
+        [0.5, 0.9, 0.99].map(|share| sampling.quantile(share).expect("samples"))
+    };
+    let map = MapConfig { size: MAP, ..MapConfig::default() };
+    let single = measured(&mut MapTechnique::plain(&gpu, &map).expect("a valid config"));
+    let mut before = [f32::INFINITY; 3];
+    for count in [1, 2, 4, 8] {
+        let mut technique = built(&gpu, &Cascades { count, ..cascades() }, MAP);
+        let found = measured(&mut technique);
+        assert!((0..3).all(|i| found[i] <= before[i]), "{count}: {found:?}, before {before:?}");
+        before = found;
+        // Every point that casters may shadow is in some window, a kernel's reach off its border.
+        let views = technique.map().views();
+        let border = views[count as usize].light.x;
+        let hull = technique.map().hull();
+        let inner = |p: DVec3| {
+            views[..count as usize].iter().filter_map(|v| v.clip).any(|clip| {
+                let c = clip * p.extend(1.0);
+                c.x.abs().max(c.y.abs()) <= border * (1.0 + 1e-9)
+            })
+        };
+        let center = hull.iter().sum::<DVec3>() / hull.len() as f64;
+        for u in spread(2000) {
+            let p = center.lerp(hull[(u.x * hull.len() as f64) as usize % hull.len()], u.y);
+            assert!(inner(p), "{count}: {p} is nowhere");
+        }
+        if count >= 4 {
+            assert!(
+                (0..3).all(|i| found[i] < single[i]),
+                "{count} cascades: {found:?}, one map {single:?}"
+            );
+        }
+    }
+}
+
+/// As above, with a scene that is so small that all cascades are tiles of one window.
+#[test]
+fn shadows_stand_still_in_tiles() {
+    let gpu = gpu();
+    for count in [2, 4, 8] {
+        let far = |frame: u32| turning(frame).translated(DVec3::new(0.0, 60.0, 90.0));
+        let config = Cascades { count, splits: Splits::Practical { weight: 0.0 }, ..cascades() };
+        let (changed, kept) = flicker(&gpu, DVec3::ZERO, &config, far);
+        assert!(kept > 4000, "{count}: {kept} samples stay in their cascade");
+        assert_eq!(changed, 0, "{count} cascades");
     }
 }

@@ -2,14 +2,14 @@
 
 use antumbra_filter::{PcfCastano, PcfHardware};
 use antumbra_gpu::{
-    CasterTriangles, Casters, Counters, Drawn, Frame, Gpu, LightView, MeshSet, Recorder, Technique,
-    TechniqueConfig, read_f32_texture,
+    CasterBody, CasterTriangles, Casters, Counters, Drawn, Frame, Gpu, LightView, MeshSet,
+    Recorder, Technique, TechniqueConfig, read_f32_texture,
 };
 use antumbra_map::{MapConfig, MapTechnique, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::{Comparison, Metrics, SampleClass, Truth, TruthOptions};
 use antumbra_scene::generate::shapes;
-use antumbra_scene::{Bounds, Camera, Light, LightKind, Scene, generate};
+use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3};
 
@@ -24,7 +24,7 @@ fn techniques(gpu: &Gpu) -> Vec<(u32, Box<dyn Technique>)> {
     let map = MapConfig { size: MAP, ..MapConfig::default() };
     let configs: [(u32, &dyn TechniqueConfig); 3] = [
         (1, &Plain { map }),
-        (2, &PcfHardware { map }),
+        (2, &PcfHardware { map, ..Default::default() }),
         (7, &PcfCastano { map, side: 7, ..Default::default() }),
     ];
     configs.map(|(side, config)| (side, config.build(gpu).expect("a valid config"))).into()
@@ -51,12 +51,8 @@ impl Casters for Unculled<'_> {
         self.fitted.hull(light, visit);
     }
 
-    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
-        self.fitted.boxes(light, visit);
-    }
-
-    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
-        self.fitted.receivers(visit)
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody<'_>)) -> bool {
+        self.fitted.bodies(visit)
     }
 
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {

@@ -1,18 +1,21 @@
 //! Resolution-matched pages: which are asked for, drawn and kept, and how right the picture is that comes of them.
 
+use std::any::Any;
 use std::collections::BTreeSet;
 
-use antumbra_gpu::{Gpu, GpuError, TechniqueConfig as _};
+use antumbra::Config;
+use antumbra_filter::PcfBilinearGrid;
+use antumbra_gpu::{Frame, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{
-    Estimator, Fitting, MapConfig, MapTechnique, Plain, Sight, VisibleRegion, fit_seen,
+    Arrange, Estimator, Fitting, Layout, MapConfig, MapTechnique, Plain, SeenView, Sight,
 };
 use antumbra_measure::stability::CASES;
 use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{SampleClass, TruthOptions};
-use antumbra_sampling::matched::{Page, Virtual};
-use antumbra_sampling::{MatchedMap, ResolutionMatched};
+use antumbra_sampling::ResolutionMatched;
+use antumbra_sampling::matched::{Page, Standing, Virtual, pages_of, windows};
 use antumbra_scene::generate::{self, shapes};
-use antumbra_scene::{Bounds, Camera, Light, LightKind, Scene};
+use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DMat4, DVec2, DVec3, Vec3};
 
@@ -29,15 +32,27 @@ fn stage(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
 }
 
 fn of_size(size: u32) -> ResolutionMatched {
-    ResolutionMatched { map: MapConfig { size, ..MapConfig::default() }, ..Default::default() }
+    let of = Plain { map: MapConfig { size, ..MapConfig::default() } };
+    ResolutionMatched { of, ..Default::default() }
 }
 
-fn built(gpu: &Gpu, config: &ResolutionMatched) -> MatchedMap {
-    MatchedMap::new(gpu, config).expect("a valid config")
+/// The virtual map of a config in an atlas of `size`, for a kernel of one texel.
+fn layout(config: &ResolutionMatched, size: u32) -> Virtual {
+    config.layout(size, 2).expect("a valid config")
 }
 
-fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut MatchedMap) -> Shot {
-    stage.shoot(gpu, light, technique, 0).expect("a shot")
+fn built(gpu: &Gpu, config: &dyn TechniqueConfig) -> Box<dyn Technique> {
+    config.build(gpu).expect("a valid config")
+}
+
+fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut Box<dyn Technique>) -> Shot {
+    stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot")
+}
+
+/// The pages that were asked for last.
+fn requests(gpu: &Gpu, technique: &dyn Technique) -> BTreeSet<Page> {
+    let pages = pages_of(technique).expect("pages");
+    pages.read_requests(gpu).expect("read back").into_iter().collect()
 }
 
 /// Share of the counted samples that are wrong.
@@ -58,22 +73,48 @@ fn few_samples_of_a_street_are_wrong() {
     let stage = stage(&gpu, &scene, 512);
     for kind in [LightKind::Directional, LightKind::Spot] {
         let light = scene.light_or_placed(kind);
-        let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &of_size(2048)));
-        let share = wrong(&stage, &light, &shot.visibility);
-        let counters = &shot.counters;
-        assert!(share <= 5e-3, "{kind:?}: {share} of the samples are wrong");
-        assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
-        assert_eq!(counters["pages_in_use"], counters["pages_requested"], "{kind:?}: no others");
+        let matched = |size| {
+            let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &of_size(size)));
+            (wrong(&stage, &light, &shot.visibility), shot.counters)
+        };
         let plain = |size| {
             let map = MapConfig { size, ..MapConfig::default() };
             let mut plain = Plain { map }.build(&gpu).expect("a valid config");
             let shot = stage.shoot(&gpu, &light, plain.as_mut(), 0).expect("a shot");
             wrong(&stage, &light, &shot.visibility)
         };
+        let [(little, few), (share, counters)] = [2048, 4096].map(matched);
+        assert!(share <= 5e-3, "{kind:?}: {share} of the samples are wrong");
+        assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
+        assert_eq!(counters["pages_in_use"], counters["pages_requested"], "{kind:?}: no others");
+        assert_eq!(few["pages_requested"], counters["pages_requested"], "{kind:?}: as many");
         // As much memory without pages does worse; and what does badly is found out.
-        let [as_large, small] = [2048, 64].map(plain);
-        assert!(as_large > share, "{kind:?}: {as_large} of a plain map are wrong");
+        let [as_little, as_large, small] = [2048, 4096, 64].map(plain);
+        assert!(
+            as_little > little,
+            "{kind:?}: {as_little} of a plain map are wrong, here {little}"
+        );
+        assert!(as_large > share, "{kind:?}: {as_large} of a plain map are wrong, here {share}");
         assert!(small > 5e-3, "{kind:?}: {small} of a map of 64 texels a side are wrong");
+    }
+}
+
+#[test]
+fn half_the_displacement_leaves_half_of_the_error() {
+    let gpu = gpu();
+    let scene = generate::by_name("tree").expect("a scene");
+    let stage = stage(&gpu, &scene, 256);
+    let light = scene.light_or_placed(LightKind::Directional);
+    let shares = [1.0, 0.5, 0.25].map(|displacement| {
+        let config = ResolutionMatched { displacement, ..of_size(4096) };
+        let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
+        assert_eq!(shot.counters["pages_clamped"], 0, "{displacement}: an atlas that suffices");
+        wrong(&stage, &light, &shot.visibility)
+    });
+    // Some thousand wrong samples are their expected number to within a tenth; and shares of levels change with the rule.
+    for pair in shares.windows(2) {
+        let ratio = pair[0] / pair[1];
+        assert!((1.5..=2.7).contains(&ratio), "{shares:?}");
     }
 }
 
@@ -100,7 +141,7 @@ fn yard(x: f64) -> Scene {
 fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
     let gpu = gpu();
     let light = Light::sun(1.0, 0.4, 0.0);
-    let config = ResolutionMatched { page: 16, ..of_size(1024) };
+    let config = ResolutionMatched { page: 16, displacement: 0.5, ..of_size(1024) };
     let mut technique = built(&gpu, &config);
     let (first, second) = (stage(&gpu, &yard(0.0), 128), stage(&gpu, &yard(0.3), 128));
     let fresh = shoot(&gpu, &first, &light, &mut technique);
@@ -135,20 +176,56 @@ fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
     assert_eq!(back.visibility, fresh.visibility, "back");
 }
 
-/// The window as the technique fits it.
+#[test]
+fn a_camera_that_moves_has_only_those_pages_drawn_that_nobody_asked_for_before() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let camera = scene.camera_or_framing();
+    let config = ResolutionMatched { page: 16, displacement: 0.5, ..of_size(1024) };
+    for kind in [LightKind::Directional, LightKind::Spot] {
+        let light = scene.light_or_placed(kind);
+        let mut technique = built(&gpu, &config);
+        let mut before = BTreeSet::new();
+        let (mut drawn, mut reused) = (0, 0);
+        for step in 0..6 {
+            // Forwards by 20 cm a frame, and to the side.
+            let by = (camera.target - camera.eye).normalize() * (0.2 * f64::from(step))
+                + DVec3::new(0.1, 0.0, 0.05) * f64::from(step);
+            let moved = Camera { eye: camera.eye + by, target: camera.target + by, ..camera };
+            let stage = Stage::new(&gpu, &scene, moved, 96, 96).expect("a stage");
+            let shot = shoot(&gpu, &stage, &light, &mut technique);
+            let counters = &shot.counters;
+            assert_eq!(counters["levels_clamped"], 0, "{kind:?}: an atlas that suffices");
+            let pages = requests(&gpu, technique.as_ref());
+            // No more than the atlas holds are seen in all, so that none has left it.
+            let new = pages.difference(&before).count() as u64;
+            assert_eq!(counters["pages_rendered"], new, "{kind:?}, step {step}: new pages");
+            assert_eq!(
+                counters["pages_reused"],
+                pages.len() as u64 - new,
+                "{kind:?}, step {step}: the others"
+            );
+            let fresh = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
+            assert_eq!(shot.visibility, fresh.visibility, "{kind:?}, step {step}: the picture");
+            before.extend(pages);
+            assert!(before.len() <= 4096, "{kind:?}: {} pages", before.len());
+            if step > 0 {
+                drawn += new;
+                reused += counters["pages_reused"];
+            }
+        }
+        assert!(drawn > 0, "{kind:?}: something comes into view");
+        assert!(reused > 2 * drawn, "{kind:?}: {drawn} pages are drawn and {reused} kept");
+    }
+}
+
+/// The window of a light that is no point, as a new technique has it.
 fn window(stage: &Stage, light: &Light, map: &Virtual) -> DMat4 {
     use antumbra_gpu::Casters as _;
-    let frame = stage.frame(light);
-    let (mut hull, mut receivers, mut boxes) = (Vec::new(), Vec::<Bounds>::new(), Vec::new());
+    let mut hull = Vec::new();
     stage.meshes.hull(light, &mut |p| hull.push(p));
-    stage.meshes.receivers(&mut |b| receivers.push(b));
-    stage.meshes.boxes(light, &mut |b| boxes.push(b));
-    let camera = frame.camera.expect("a camera");
-    let region = VisibleRegion::new(&camera, &receivers, frame.origin).expect("something is seen");
-    let sight = Sight { region: &region, casters: &boxes };
-    let size = map.page * map.table;
-    let fitting = Fitting { origin: frame.origin, size, guard: 2, receivers: false };
-    let views = fit_seen(light, &hull, Some(&sight), &fitting).expect("a valid light");
+    let (origin, mut standing) = (stage.triangles.origin, Standing::default());
+    let views = windows(light, &hull, origin, map.texels(), false, &mut standing);
     views[0].view.clip.expect("casters")
 }
 
@@ -173,15 +250,17 @@ fn asked(stage: &Stage, light: &Light, map: &Virtual) -> [BTreeSet<Page>; 2] {
         if facing <= -1e-6 || outside(1e-6) {
             continue;
         }
-        let texels = map.texels_of_pixel(&clip, &camera, pixels, (p, n));
-        // f32 knows the ratio of areas to some 1e-4, and places to 1e-6 of the window: less than a tenth of a texel.
+        let displacement = map.displacement(&clip, &camera, pixels, (p, n));
+        // f32 knows a texel's sides to some 1e-4, and places to 1e-6 of the window: less than a tenth of a texel.
         let mut all = BTreeSet::new();
         for by in [-1e-3, 0.0, 1e-3] {
-            let level = map.level(texels * (1.0 + by));
+            let level = map.level(displacement * (1.0 + by));
             for [x, y] in [[-1e-6, -1e-6], [1e-6, -1e-6], [-1e-6, 1e-6], [1e-6, 1e-6]] {
-                all.insert(
-                    map.page_of((st + DVec2::new(x, y)).clamp(DVec2::ZERO, DVec2::ONE), level),
-                );
+                all.insert(map.page_of(
+                    0,
+                    (st + DVec2::new(x, y)).clamp(DVec2::ZERO, DVec2::ONE),
+                    level,
+                ));
             }
         }
         if all.len() == 1 && facing > 1e-6 && !outside(-1e-6) {
@@ -200,28 +279,86 @@ fn pages_are_those_that_the_twin_asks_for() {
         let stage = stage(&gpu, &scene, 128);
         for kind in [LightKind::Directional, LightKind::Spot] {
             let light = scene.light_or_placed(kind);
-            for rule in [1.0, 4.0] {
-                let config =
-                    ResolutionMatched { page: 16, texels_per_pixel: rule, ..of_size(1024) };
-                let map = config.layout().expect("a valid config");
+            for rule in [1.0, 0.5] {
+                let config = ResolutionMatched { page: 16, displacement: rule, ..of_size(1024) };
+                let map = layout(&config, 1024);
                 let mut technique = built(&gpu, &config);
                 let shot = shoot(&gpu, &stage, &light, &mut technique);
-                let found: BTreeSet<Page> =
-                    technique.read_requests(&gpu).expect("read back").into_iter().collect();
+                let found = requests(&gpu, technique.as_ref());
                 let [surely, perhaps] = asked(&stage, &light, &map);
                 let missing = surely.difference(&found).count();
                 let more = found.difference(&perhaps).count();
                 assert_eq!((missing, more), (0, 0), "{name}, {kind:?}: of {} pages", found.len());
                 assert!(surely.len() > 3, "{name}, {kind:?}: {} say little", surely.len());
                 assert_eq!(shot.counters["pages_requested"], found.len() as u64, "the count");
-                let (by, used) = map.fitting(&found);
-                assert_eq!(shot.counters["levels_clamped"], u64::from(by), "levels");
+                let (finest, used) = map.fitting(&found);
+                assert_eq!(shot.counters["levels_clamped"], u64::from(finest), "levels");
                 assert_eq!(shot.counters["pages_in_use"], used.len() as u64, "pages in use");
                 // The control: what another rule asks for is something else.
-                let other = Virtual { rule: 4.0 * rule, ..map };
+                let other = Virtual { rule: 0.5 * rule, ..map };
                 assert!(asked(&stage, &light, &other)[0] != surely, "{name}: another rule");
             }
         }
+    }
+}
+
+#[test]
+fn a_wall_along_the_light_asks_for_a_column_of_the_finest_pages_and_no_more() {
+    let gpu = gpu();
+    // 99 m of wall under a sun that is 0.01 degrees off it, and two posts that make the window wide.
+    let mut scene = Scene { name: "wall".to_owned(), ..Scene::default() };
+    let wall = shapes::quad(DVec3::new(2.0, 2.0, 50.5), DVec3::new(0.0, 0.0, 49.5), 2.0 * DVec3::Y);
+    scene.add(wall, DAffine3::IDENTITY);
+    for x in [-20.0, 20.0] {
+        let foot = DVec3::new(x, 0.0, 120.0);
+        scene.add(shapes::cuboid(foot, foot + DVec3::ONE), DAffine3::IDENTITY);
+    }
+    scene.camera = Some(Camera {
+        eye: DVec3::new(0.0, 1.7, 0.0),
+        target: DVec3::new(2.0, 1.7, 10.0),
+        up: DVec3::Y,
+        fov_y: 0.9,
+        near: 0.1,
+    });
+    let stage = stage(&gpu, &scene, 128);
+    for off in [1e-2_f64, 0.0, -1e-2] {
+        let off = off.to_radians();
+        let direction = DVec3::new(off.sin(), -off.cos(), 0.0);
+        let light = Light::Directional { direction, angular_diameter: 0.0 };
+        let config = ResolutionMatched { page: 16, ..of_size(1024) };
+        let mut technique = built(&gpu, &config);
+        let shot = shoot(&gpu, &stage, &light, &mut technique);
+        let pages = requests(&gpu, technique.as_ref());
+        // One way or the other the wall shows the sun its back.
+        let columns: BTreeSet<u32> =
+            pages.iter().filter(|page| page.level == 0).map(|page| page.tile[0]).collect();
+        let rows: BTreeSet<u32> =
+            pages.iter().filter(|page| page.level == 0).map(|page| page.tile[1]).collect();
+        assert!(columns.len().min(rows.len()) <= 2, "{off}: {} x {}", columns.len(), rows.len());
+        assert!(pages.len() <= 3 * 256, "{off}: {} pages", pages.len());
+        assert_eq!(shot.counters["levels_clamped"], 0, "{off}: they fit");
+        assert!(shot.visibility.iter().all(|v| *v == 0.0 || *v == 1.0), "{off}: no number");
+    }
+}
+
+/// One map over the window of pages.
+#[derive(Debug)]
+struct SameWindow;
+
+impl Arrange for SameWindow {
+    fn layout(&self, light: &Light) -> Layout {
+        Layout::of(light)
+    }
+
+    fn fit(
+        &self,
+        frame: &Frame<'_>,
+        hull: &[DVec3],
+        _: Option<&Sight<'_>>,
+        fitting: &Fitting,
+    ) -> Result<Vec<SeenView>, GpuError> {
+        let (receivers, mut standing) = (fitting.receivers, Standing::default());
+        Ok(windows(frame.light, hull, frame.origin, fitting.size, receivers, &mut standing))
     }
 }
 
@@ -233,20 +370,130 @@ fn pages_of_the_finest_level_are_the_plain_map_of_its_size() {
         let mut stage = stage(&gpu, &scene, 128);
         // All samples ask for the finest level.
         stage.set_camera(None);
-        for kind in [LightKind::Directional, LightKind::Spot] {
+        for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
             let light = scene.light_or_placed(kind);
-            // 32 x 32 pages of 32 x 32 texels, all of which the atlas holds.
-            let config = ResolutionMatched { page: 32, table: 32, ..of_size(1024) };
+            // 16 x 16 pages of 28 x 28 texels and their borders, of which the atlas holds 1024.
+            let config = ResolutionMatched { page: 32, table: 16, ..of_size(1024) };
             let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
             assert_eq!(shot.counters["pages_clamped"], 0, "{name}, {kind:?}: all fit");
-            let map = MapConfig { size: 1024, ..MapConfig::default() };
+            assert_eq!(layout(&config, 1024).texels(), 448, "of the finest level");
+            let map = MapConfig { size: 448, ..MapConfig::default() };
             let mut plain =
-                MapTechnique::new(&gpu, &map, Estimator::nearest()).expect("a valid config");
+                MapTechnique::arranged(&gpu, &map, Estimator::nearest(), Box::new(SameWindow))
+                    .expect("a valid config");
             let plain = stage.shoot(&gpu, &light, &mut plain, 0).expect("a shot").visibility;
             let differ = shot.visibility.iter().zip(&plain).filter(|(a, b)| a != b).count();
-            assert_eq!(differ, 0, "{name}, {kind:?}");
+            // Vertices reach the rasteriser by other roundings, of some 2^-13 texels, which now and then is a step of
+            // its grid, 1/256 texel; and of such a step one sample in a thousand near an edge takes notice.
+            assert!(differ <= 4, "{name}, {kind:?}: {differ} of {} samples", plain.len());
         }
     }
+}
+
+/// Techniques with kernels, on maps of `size`.
+fn filters(size: u32) -> Vec<(&'static str, Config)> {
+    let grid = PcfBilinearGrid { side: 4, ..Default::default() };
+    let mut all = vec![
+        ("grid", Config::PcfBilinearGrid(grid)),
+        ("castano", Config::PcfCastano(Default::default())),
+        ("footprint", Config::PcfFootprint(Default::default())),
+        ("evsm", Config::Evsm(Default::default())),
+        ("msm", Config::Msm(Default::default())),
+    ];
+    for (_, config) in &mut all {
+        config.set_map_size(size);
+    }
+    all
+}
+
+/// A config's technique over one map in the window of pages.
+fn in_same_window(gpu: &Gpu, config: &Config) -> MapTechnique {
+    let technique: Box<dyn Any> = config.build(gpu).expect("a valid config");
+    let technique = technique.downcast::<MapTechnique>().expect("a map's technique");
+    technique.rearranged(|_| Ok(Box::new(SameWindow))).expect("a window")
+}
+
+/// A place in the atlas is rounded to 2^-14 texels, and over a texel visibility changes by no more than 1, or by the few
+/// that bounds make of it.
+const SAME_PLACE: f32 = 1.0 / 2048.0;
+
+#[test]
+fn filters_over_pages_are_filters_over_one_map_of_the_same_texels() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let mut stage = stage(&gpu, &scene, 128);
+    stage.set_camera(None);
+    for kind in [LightKind::Directional, LightKind::Point] {
+        let light = scene.light_or_placed(kind);
+        for (name, of) in filters(1024) {
+            // Of six faces not all pages of large borders fit.
+            if kind == LightKind::Point && name != "grid" {
+                continue;
+            }
+            let config =
+                ResolutionMatched { of: of.clone(), page: 64, table: 8, displacement: 0.5 };
+            let mut technique = built(&gpu, &config);
+            let shot = shoot(&gpu, &stage, &light, &mut technique);
+            assert_eq!(shot.counters["pages_clamped"], 0, "{name}, {kind:?}: all fit");
+            assert!(shot.counters["pages_in_use"] > 8, "{name}, {kind:?}: many borders");
+            let texels =
+                pages_of(technique.as_ref()).expect("pages").layout().expect("it").texels();
+            let one = |size| {
+                let mut of = of.clone();
+                of.set_map_size(size);
+                let mut technique = in_same_window(&gpu, &of);
+                stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility
+            };
+            let off = |a: &[f32], b: &[f32]| {
+                a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > SAME_PLACE).count()
+            };
+            let differ = off(&shot.visibility, &one(texels));
+            // What the rasteriser makes of other roundings, a sample in a thousand notices. Four moments make more of any
+            // rounding where depth hardly varies: there it is the mean that counts.
+            let count = shot.visibility.len();
+            assert!(differ <= 16 || name == "msm", "{name}, {kind:?}: {differ} of {count} differ");
+            let mean = |a: &[f32], b: &[f32]| {
+                let sum: f32 = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum();
+                sum / a.len() as f32
+            };
+            let by = mean(&shot.visibility, &one(texels));
+            assert!(by <= SAME_PLACE, "{name}, {kind:?}: by {by} on average");
+            // The control: texels that are a seventh smaller.
+            let other = off(&shot.visibility, &one(texels * 8 / 7));
+            assert!(other > 100, "{name}, {kind:?}: other texels make {other} differ");
+        }
+    }
+}
+
+#[test]
+fn techniques_that_look_farther_than_a_kernel_or_draw_their_own_map_are_refused_with_a_fix() {
+    let gpu = gpu();
+    let none: [Config; 4] = [
+        Config::Pcss(Default::default()),
+        Config::OcclusionTextures(Default::default()),
+        Config::SecondDepth(Default::default()),
+        Config::VolumeZFail(Default::default()),
+    ];
+    for of in none {
+        let id = of.id();
+        let config = ResolutionMatched { of, page: 64, table: 64, displacement: 0.5 };
+        let refused = config.build(&gpu).map(|_| ());
+        assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{id}: {refused:?}");
+    }
+    // And an atlas in which no page fits.
+    let mut config = ResolutionMatched {
+        of: Config::PcfBilinearGrid(PcfBilinearGrid { side: 6, ..Default::default() }),
+        page: 64,
+        table: 64,
+        displacement: 0.5,
+    };
+    config.set_map_size(64);
+    let scene = generate::by_name("street").expect("a scene");
+    let stage = stage(&gpu, &scene, 16);
+    let light = scene.light_or_placed(LightKind::Directional);
+    let refused = stage.shoot(&gpu, &light, built(&gpu, &config).as_mut(), 0).map(|_| ());
+    assert!(refused.is_err(), "an atlas of 64 texels a side");
+    assert_eq!(gpu.check(), Ok(()), "nothing reached wgpu");
 }
 
 #[test]
@@ -256,16 +503,16 @@ fn memory_that_does_not_suffice_makes_pages_coarser_and_more_of_it_changes_nothi
     let stage = stage(&gpu, &scene, 128);
     let light = scene.light_or_placed(LightKind::Directional);
     // Pages of 16 x 16 texels whatever the atlas.
-    let shot = |size, texels_per_pixel| {
-        let config = ResolutionMatched { page: 16, texels_per_pixel, ..of_size(size) };
-        assert_eq!(config.layout().expect("a valid config").page, 16, "an atlas of {size}");
+    let shot = |size, displacement| {
+        let config = ResolutionMatched { page: 16, displacement, ..of_size(size) };
+        assert_eq!(layout(&config, size).page, 16, "an atlas of {size}");
         shoot(&gpu, &stage, &light, &mut built(&gpu, &config))
     };
-    let [small, large] = [512, 1024].map(|size| shot(size, 4.0));
+    let [small, large] = [512, 1024].map(|size| shot(size, 1.0));
     assert_eq!(small.counters["pages_clamped"], 0, "{:?}", small.counters);
     assert_eq!(small.visibility, large.visibility, "more memory than it takes");
 
-    let [little, enough] = [256, 1024].map(|size| shot(size, 64.0));
+    let [little, enough] = [256, 1024].map(|size| shot(size, 0.25));
     assert_eq!(enough.counters["pages_clamped"], 0, "{:?}", enough.counters);
     let counters = &little.counters;
     assert!(counters["pages_in_use"] <= 256 && counters["levels_clamped"] > 0, "{counters:?}");
@@ -287,7 +534,7 @@ fn pages_whose_lists_have_no_room_are_drawn_all_the_same() {
     let usual = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
     assert_eq!(usual.counters["pages_without_list"], 0, "room for all");
     for room in [1, 300] {
-        let mut technique = built(&gpu, &config).with_room(room);
+        let mut technique = config.build_with_room(&gpu, room).expect("a valid config");
         let shot = shoot(&gpu, &stage, &light, &mut technique);
         assert!(shot.counters["pages_without_list"] > 0, "room for {room} pairs");
         assert_eq!(shot.visibility, usual.visibility, "room for {room} pairs");
@@ -306,24 +553,24 @@ fn without_casters_all_is_lit_and_no_page_is_made() {
         assert!(shot.visibility.iter().all(|v| *v == 1.0), "{kind:?}: not all lit");
         assert_eq!((shot.counters["map_draws"], shot.counters["map_passes"]), (0, 0), "{kind:?}");
         // Six matrices, at most 256 bytes apart, and the setup.
-        assert!(shot.bytes <= 7 * 256 + 1024, "{kind:?}: {} bytes", shot.bytes);
+        assert!(shot.bytes <= 6 * 256 + 1024, "{kind:?}: {} bytes", shot.bytes);
     }
 }
 
 #[test]
 fn unusable_settings_are_refused_with_a_fix() {
     let gpu = gpu();
-    let usual = ResolutionMatched::default();
+    let usual: ResolutionMatched = ResolutionMatched::default();
     for config in [
         ResolutionMatched { page: 0, ..usual },
         ResolutionMatched { page: 96, ..usual },
         ResolutionMatched { page: 2048, ..usual },
         ResolutionMatched { table: 0, ..usual },
         ResolutionMatched { table: 100, ..usual },
-        ResolutionMatched { table: 512, ..usual },
-        ResolutionMatched { texels_per_pixel: 0.0, ..usual },
-        ResolutionMatched { texels_per_pixel: f32::NAN, ..usual },
-        ResolutionMatched { texels_per_pixel: 65.0, ..usual },
+        ResolutionMatched { table: 2048, ..usual },
+        ResolutionMatched { displacement: 0.0, ..usual },
+        ResolutionMatched { displacement: f32::NAN, ..usual },
+        ResolutionMatched { displacement: 65.0, ..usual },
     ] {
         let refused = config.build(&gpu).map(|_| ());
         assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{config:?}: {refused:?}");

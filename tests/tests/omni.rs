@@ -28,7 +28,7 @@ fn estimators(omni: Omni, size: u32) -> Vec<Config> {
     let castano = |side, hardware| Config::PcfCastano(PcfCastano { map, side, hardware });
     vec![
         Config::Plain(Plain { map }),
-        Config::PcfHardware(PcfHardware { map }),
+        Config::PcfHardware(PcfHardware { map, ..Default::default() }),
         Config::PcfGrid(PcfGrid { map, side: 7 }),
         Config::PcfGrid(PcfGrid { map, side: 2 }),
         Config::PcfBilinearGrid(PcfBilinearGrid { map, side: 3 }),

@@ -152,7 +152,8 @@ fn what_a_camera_sees_is_no_coarser_than_through_one_map() {
         let pairs: [[Box<dyn TechniqueConfig>; 2]; 2] = [
             [0, 8].map(|objects| Box::new(Plain { map: map(objects) }) as Box<dyn TechniqueConfig>),
             [0, 8].map(|objects| {
-                Box::new(PcfHardware { map: map(objects) }) as Box<dyn TechniqueConfig>
+                Box::new(PcfHardware { map: map(objects), ..Default::default() })
+                    as Box<dyn TechniqueConfig>
             }),
         ];
         for [one, many] in pairs {

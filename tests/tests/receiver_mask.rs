@@ -4,13 +4,15 @@ use std::ops::Range;
 
 use antumbra_filter::{PcfCastano, PcfHardware, PcfPoisson, Vsm};
 use antumbra_gpu::{
-    CasterClusters, CasterTriangles, Casters, Counters, Drawn, Frame, Gpu, GpuError, LightView,
-    ListedTriangles, MeshSet, Recorder, Technique, TechniqueConfig, read_f32_texture, wgpu,
+    CasterBody, CasterClusters, CasterTriangles, Casters, Counters, Drawn, Frame, Gpu, GpuError,
+    LightView, ListedTriangles, MeshSet, Recorder, Technique, TechniqueConfig, read_f32_texture,
+    wgpu,
 };
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_measure::Stage;
+use antumbra_sampling::{Cascades, Sdsm, Select};
 use antumbra_scene::generate::shapes;
-use antumbra_scene::{Bounds, Camera, Light, LightKind, Scene, generate};
+use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3};
 
@@ -18,12 +20,22 @@ use glam::{DAffine3, DVec3};
 fn techniques(gpu: &Gpu, size: u32, receiver_mask: bool) -> Vec<Box<dyn Technique>> {
     let map = MapConfig { size, receiver_mask, ..MapConfig::default() };
     let tetrahedron = MapConfig { omni: Omni::Tetrahedron, ..map };
-    let configs: [&dyn TechniqueConfig; 5] = [
+    let cascades = Cascades { of: Plain { map }, ..Cascades::default() };
+    let by_depth = Cascades { select: Select::Depth, ..cascades };
+    let configs: [&dyn TechniqueConfig; 9] = [
         &Plain { map },
         &Plain { map: tetrahedron },
-        &PcfHardware { map },
+        &PcfHardware { map, comparison: false },
+        &PcfHardware { map, comparison: true },
         &PcfCastano { map, side: 7, ..Default::default() },
         &PcfPoisson { map, radius: 3.5, ..Default::default() },
+        &cascades,
+        &by_depth,
+        &Sdsm {
+            of: PcfCastano { map, ..Default::default() },
+            cull: receiver_mask,
+            ..Sdsm::default()
+        },
     ];
     configs.map(|config| config.build(gpu).expect("a valid config")).into()
 }
@@ -153,11 +165,8 @@ impl Casters for Astray<'_> {
     fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3)) {
         self.meshes.hull(light, visit);
     }
-    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
-        self.meshes.boxes(light, visit);
-    }
-    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
-        self.meshes.receivers(visit)
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody<'_>)) -> bool {
+        self.meshes.bodies(visit)
     }
     fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
         self.meshes.draw(view, pass)

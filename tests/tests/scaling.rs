@@ -1,15 +1,17 @@
 //! How error and work grow with the parameters, where theory says how.
 
+use antumbra::Config;
 use antumbra_filter::PcfGrid;
-use antumbra_gpu::{Gpu, TechniqueConfig as _};
+use antumbra_gpu::{Gpu, TechniqueConfig};
 use antumbra_map::{MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::ViewSample;
 use antumbra_reference::closed::{Occluder, visibility};
-use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane};
-use antumbra_scene::{Light, Scene};
+use antumbra_scene::generate::{self, HalfPlaneOverPlane, half_plane_over_plane, shapes};
+use antumbra_scene::{Light, LightKind, Scene};
 use antumbra_tests::gpu;
-use glam::{DVec2, DVec3, Vec3};
+use antumbra_volume::{Silhouette, ZFail};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 /// Depth of the half-plane, metres: the map's window is fitted to it.
 const EXTENT: f64 = 10.0;
@@ -79,4 +81,73 @@ fn fetches_grow_with_the_square_of_the_kernel() {
         let expected = (SIDE * SIDE) as u64 * u64::from(side).pow(2);
         assert_eq!(counters["fetches"], expected, "a kernel of {side} x {side}");
     }
+}
+
+/// Dividing a sphere's triangles in four doubles its silhouette: a closed line of edges once around it, that goes to and fro by
+/// at most twice its length. All of the volumes' sides are four times as many.
+#[test]
+fn silhouettes_grow_as_the_square_root_of_triangles() {
+    let gpu = gpu();
+    let [mut sides, mut all_sides] = [[0; 2]; 2];
+    for (i, divisions) in [2, 5].into_iter().enumerate() {
+        let mut scene = Scene::default();
+        scene.add(shapes::floor(5.0), DAffine3::IDENTITY);
+        let up = DAffine3::from_translation(1.3 * DVec3::Y);
+        scene.add(shapes::icosphere(divisions, 1.0), up);
+        let stage = Stage::new(&gpu, &scene, scene.framing_camera(), 32, 32).expect("a stage");
+        let light = scene.place_light(LightKind::Point);
+        let count = |config: &dyn TechniqueConfig| {
+            let mut technique = config.build(&gpu).expect("a valid config");
+            let shot = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot");
+            shot.counters["volume_sides"]
+        };
+        sides[i] = count(&Silhouette::default());
+        all_sides[i] = count(&ZFail::default());
+    }
+    let [sides, all_sides] = [sides, all_sides].map(|[few, many]| many as f64 / few as f64);
+    assert!(
+        (4.0..16.0).contains(&sides),
+        "{sides} times the silhouette for 64 times the triangles"
+    );
+    assert!(all_sides > 60.0, "{all_sides} times the sides");
+}
+
+/// What puts a map's samples elsewhere, on a street that is seen along its length: work goes with the square of the
+/// side and no more than as many maps, and what has no map does not know its side.
+#[test]
+fn work_of_what_places_samples_grows_with_the_square_of_the_side() {
+    let gpu = gpu();
+    let scene = generate::street();
+    let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 128, 72).expect("a stage");
+    let light = scene.lights[0];
+    let run = |id: &str, size: u32| {
+        let mut config: Config =
+            serde_json::from_str(&format!(r#"{{ "technique": "{id}" }}"#)).expect("known");
+        config.set_map_size(size);
+        let mut technique = config.build(&gpu).expect("a valid config");
+        stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot").counters
+    };
+    for (id, maps) in
+        [("map/plain", 1), ("sampling/lispsm", 1), ("sampling/cascades", 4), ("sampling/sdsm", 4)]
+    {
+        let mut triangles = None;
+        for size in [128, 256, 512] {
+            let work = run(id, size);
+            assert_eq!(work["map_passes"], maps, "{id}");
+            assert_eq!(work["map_texels"], maps * u64::from(size).pow(2), "{id} of {size}");
+            // Windows go by steps of their texels, which is a cluster more or less.
+            let drawn = work["map_triangles"] as f64;
+            let most = *triangles.get_or_insert(drawn) * 1.1;
+            assert!(drawn <= most, "{id} of {size}: {drawn} triangles");
+        }
+    }
+    // Pages: those that are looked up, never more than the whole map has, and each drawn once.
+    for size in [1024, 2048] {
+        let work = run("sampling/matched", size);
+        assert!(work["pages_in_use"] > 0, "{work:?}");
+        assert_eq!(work["map_passes"], 1, "{work:?}");
+    }
+    // No map at all.
+    let [few, many] = [128, 1024].map(|size| run("sampling/view-samples", size));
+    assert_eq!(few, many, "work goes with view samples and triangles");
 }

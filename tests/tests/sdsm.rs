@@ -5,7 +5,7 @@ use antumbra_gpu::{Gpu, Technique, read_buffer};
 use antumbra_map::{FittedView, MapConfig, MapTechnique};
 use antumbra_measure::{Sampling, Stage};
 use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
-use antumbra_sampling::{Cascades, Sdsm};
+use antumbra_sampling::{Cascades, Sdsm, Select};
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Camera, Light, Scene};
 use antumbra_tests::gpu;
@@ -315,9 +315,80 @@ fn filters_stores_and_ids_run_over_measured_cascades() {
         let mut of: Config =
             serde_json::from_str(&format!(r#"{{ "technique": "{id}" }}"#)).expect("known");
         of.set_map_size(256);
-        let over =
-            Config::Sdsm(Sdsm { of: Box::new(of.clone()), count: 4, clusters: false, blend: 0.1 });
+        let over = Config::Sdsm(Sdsm {
+            of: Box::new(of.clone()),
+            count: 4,
+            clusters: false,
+            blend: 0.1,
+            cull: true,
+        });
         let (with, without) = (error(&over), error(&of));
         assert!(with < 0.8 * without, "{id}: {with} with measured cascades, {without} without");
+    }
+}
+
+/// Root of the mean square of the error.
+fn rmse(stage: &Stage, found: &[f32]) -> f64 {
+    let truth = stage.truth(&sun(), &TruthOptions::default());
+    let judged = (0..found.len()).filter(|i| truth.class[*i] == SampleClass::Counted);
+    let (sum, count) = judged.fold((0.0, 0.0), |(sum, count), i| {
+        (sum + f64::from(found[i] - truth.visibility[i]).powi(2), count + 1.0)
+    });
+    f64::sqrt(sum / count)
+}
+
+#[test]
+fn with_a_gap_errors_are_smaller_than_those_of_practical_splits_of_as_many_bytes() {
+    let gpu = gpu();
+    let (scene, camera) = gap();
+    let stage = Stage::new(&gpu, &scene, camera, SIDE, SIDE).expect("a stage");
+    // By map, cascades that see everything share the scene out in tiles, which here beats any split by depth.
+    let by_depth = Cascades::<()> { select: Select::Depth, ..Default::default() };
+    let mut steady = plain(&gpu).rearranged(|others| by_depth.arrange(others)).expect("valid");
+    let practical = rmse(&stage, &shoot(&gpu, &stage, &mut steady));
+    assert!(practical > 0.01, "{practical}: edges to be wrong at");
+    for clusters in [false, true] {
+        let mut technique = measured(&gpu, &Sdsm { clusters, ..Sdsm::default() });
+        let found = rmse(&stage, &shoot(&gpu, &stage, &mut technique));
+        let bytes = [technique.map().bytes(), steady.map().bytes()];
+        assert!(bytes[0] <= 4 * u64::from(MAP * MAP) * 4 + 4096, "{bytes:?}");
+        assert!(
+            found < practical,
+            "{found} measured (clusters: {clusters}), {practical} practical"
+        );
+    }
+}
+
+#[test]
+fn casters_beside_a_window_are_not_drawn_and_that_is_not_seen() {
+    let gpu = gpu();
+    let scene = antumbra_scene::generate::street();
+    let eye = DVec3::new(1.0, 1.7, 190.0);
+    let seen = Camera { eye, target: DVec3::new(0.0, 1.5, 100.0), ..camera(0.05) };
+    let stage = Stage::new(&gpu, &scene, seen, SIDE, SIDE).expect("a stage");
+    for id in ["map/plain", "map/object-id", "filter/pcf-castano", "filter/evsm", "filter/msm"] {
+        let mut of: Config =
+            serde_json::from_str(&format!(r#"{{ "technique": "{id}" }}"#)).expect("known");
+        of.set_map_size(256);
+        let run = |cull: bool| {
+            let config = Config::Sdsm(Sdsm {
+                of: Box::new(of.clone()),
+                count: 4,
+                clusters: false,
+                blend: 0.1,
+                cull,
+            });
+            let mut technique = config.build(&gpu).expect("a valid config");
+            let shot = stage.shoot(&gpu, &sun(), technique.as_mut(), 0).expect("a shot");
+            (shot.visibility, shot.counters["map_triangles"])
+        };
+        let ((few, drawn), (all, whole)) = (run(true), run(false));
+        assert!(few.iter().zip(&all).all(|(a, b)| a.to_bits() == b.to_bits()), "{id}: it is seen");
+        // Object ids are drawn from triangles of their own.
+        if id == "map/object-id" {
+            assert_eq!(drawn, whole, "{id}");
+        } else {
+            assert!(2 * drawn < whole, "{id}: {drawn} of {whole} triangles");
+        }
     }
 }

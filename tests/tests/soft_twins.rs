@@ -6,7 +6,9 @@ use antumbra_shaders::{Slot, link_source, module, source};
 use antumbra_soft::twin::View;
 use antumbra_soft::twin::mask::Mask;
 use antumbra_soft::twin::techniques::{Map, Receiver};
-use antumbra_soft::{Bitmask, Hierarchy, Occluders, Pcss, Samples, Window};
+use antumbra_soft::{
+    Bitmask, Hierarchy, Occluders, Pcss, Samples, SingleSample, WidthLookup, Window,
+};
 use antumbra_tests::gpu;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
@@ -321,6 +323,26 @@ fn estimators_agree_with_their_twins_under_every_light() {
             let exact: Vec<f64> = twins.iter().map(|at| map.pcss(at, &config, 0.0).0).collect();
             // A tap, or the middle of a block, within rounding of a border falls to the other side.
             compare(&format!("PCSS, {taps} taps, own {own}"), &found, &exact, 1e-4, COUNT / 30);
+        }
+        let found = shade(&gpu, &base("soft::radial", String::new()), &view, kind, &receivers);
+        let exact: Vec<f64> = twins.iter().map(|at| map.radial(at)).collect();
+        // Of texels equally far off but for rounding either may be the nearest.
+        compare("radial search", &found, &exact, 1e-4, COUNT / 30);
+        for lookup in [WidthLookup::Texel, WidthLookup::Linear, WidthLookup::Border] {
+            let config = SingleSample { lookup, scale: 0.5, ..SingleSample::default() };
+            let constants = format!(
+                "const LINEAR: bool = {};\nconst BORDER: bool = {};\nconst SCALE: f32 = 0.5;\nconst BIAS: f32 = 0.05;\n",
+                lookup != WidthLookup::Texel,
+                lookup == WidthLookup::Border,
+            );
+            let mut slots = base("soft::width", constants);
+            let width = "fn width_in(texel: vec2i, layer: i32) -> f32 { return f32((3 * texel.x + 5 * texel.y) % 7); }";
+            slots.push(source("soft::width_map", width));
+            let found = shade(&gpu, &slots, &view, kind, &receivers);
+            let width = |x: i32, y: i32| f64::from((3 * x + 5 * y) % 7);
+            let exact: Vec<f64> =
+                twins.iter().map(|at| map.single_sample(at, &config, &width)).collect();
+            compare(&format!("single sample, {lookup:?}"), &found, &exact, 1e-4, 0);
         }
     }
 }

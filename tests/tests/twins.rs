@@ -453,6 +453,7 @@ fn separable_filters_agree_with_brute_force() {
     let mut filters = vec![
         (Estimator::nearest(), Separable::Box { side: 1 }),
         (PcfCubic::default().estimator(), Separable::Cubic),
+        (PcfHardware::default().estimator(), Separable::Tent { side: 1 }),
     ];
     for side in [2, 3, 7] {
         let estimator = PcfGrid { side, ..Default::default() }.estimator().expect(valid);
@@ -495,10 +496,10 @@ fn the_comparison_notices_another_kernel() {
 }
 
 #[test]
-fn hardware_filtering_is_bilinear_within_a_128th() {
+fn comparison_by_the_sampler_is_bilinear_within_a_128th() {
     let gpu = gpu();
     let (stage, lights) = stage_and_lights(&gpu);
-    let hardware = PcfHardware::default().estimator();
+    let hardware = PcfHardware { comparison: true, ..Default::default() }.estimator();
     for light in &lights {
         let kernel = Separable::Tent { side: 1 };
         let found = agreement(&gpu, &stage, light, &hardware, kernel, 1.0 / 128.0);

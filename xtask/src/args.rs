@@ -23,11 +23,19 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Measure speed and error of shadow techniques against ground truth
     Bench(BenchArgs),
-    /// Fill the measured tables of the documentation from docs/results
+    /// Fill what is measured on the pages of the documentation: tables from docs/results, pictures
     Doc {
         /// Fail where a table is out of date instead of writing it
-        #[arg(long)]
+        #[arg(long, conflicts_with = "measure")]
         check: bool,
+
+        /// Measure these results again first: the same scenes, lights, techniques and settings
+        #[arg(long, value_name = "results.json", num_args = 1..)]
+        measure: Vec<PathBuf>,
+
+        /// Draw the pictures of the pages whose name contains one of these words first, or of all
+        #[arg(long, value_name = "WORD", num_args = 0.., conflicts_with = "check")]
+        draw: Option<Vec<String>>,
     },
     /// Write index.html again from the results.json of an earlier bench
     Report {

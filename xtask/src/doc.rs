@@ -1,23 +1,33 @@
-//! `cargo xtask doc`: the measured tables of the documentation, made from committed results.
+//! `cargo xtask doc`: what is measured on the pages of the documentation.
 //!
-//! A page holds a pair of marks, between which the table stands:
+//! A page holds pairs of marks, between which a table of committed results stands, or a picture:
 //!
 //! ```text
 //! <!-- measured file=results/quick.json scene=tree,street light=directional technique=map/plain -->
 //! <!-- /measured -->
+//!
+//! <!-- pictured scene=tree light=directional technique=map/plain,filter/vsm size=192x192 map=1024 -->
+//! <!-- /pictured -->
 //! ```
 //!
-//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; without one, all are shown.
+//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; a table without one shows all. A page has one
+//! picture, under the page's name in `docs/images`.
+
+mod mark;
+mod picture;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
+use clap::ValueEnum as _;
 
+use crate::args::{BenchArgs, Size, Suite};
+use crate::bench;
 use crate::columns;
 use crate::results::{Results, Run, Status, describe_light};
 
-const BEGIN: &str = "<!-- measured ";
-const END: &str = "<!-- /measured -->";
+use mark::Mark;
+
 /// The columns of a page's table.
 const COLUMNS: [&str; 8] = [
     "mean_abs",
@@ -32,15 +42,12 @@ const COLUMNS: [&str; 8] = [
 
 /// Writes the tables anew; with `check`, fails where one differs instead.
 pub(crate) fn run(check: bool) -> anyhow::Result<()> {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let mut pages = vec![docs.join("../README.md")];
-    collect(&docs, &mut pages)?;
+    let docs = docs();
     let mut tables = 0;
-    for page in pages {
-        let text = std::fs::read_to_string(&page)
-            .with_context(|| format!("cannot read {}", page.display()))?;
+    for page in pages(&docs)? {
+        let text = read(&page)?;
         let (fresh, count) =
-            filled(&text, &docs).with_context(|| format!("in {}", page.display()))?;
+            filled(&text, &page, &docs).with_context(|| format!("in {}", page.display()))?;
         tables += count;
         if fresh != text {
             ensure!(!check, "{} is out of date; run `cargo xtask doc`", page.display());
@@ -48,8 +55,81 @@ pub(crate) fn run(check: bool) -> anyhow::Result<()> {
                 .with_context(|| format!("cannot write {}", page.display()))?;
         }
     }
-    println!("{tables} tables in the documentation are those of the committed results");
+    println!("{tables} tables and pictures in the documentation are up to date");
     Ok(())
+}
+
+/// Draws the pictures of the pages whose name contains one of `names`, or of all.
+pub(crate) fn draw(names: &[String]) -> anyhow::Result<()> {
+    let docs = docs();
+    for page in pages(&docs)? {
+        let stem = page.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if names.is_empty() || names.iter().any(|name| stem.contains(name)) {
+            mark::replaced(&read(&page)?, |mark| {
+                if mark.kind == "pictured" {
+                    picture::draw(mark, &picture::path(&docs, &page))?;
+                }
+                Ok(String::new())
+            })
+            .with_context(|| format!("in {}", page.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn docs() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs")
+}
+
+fn pages(docs: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut pages = vec![docs.join("../README.md")];
+    collect(docs, &mut pages)?;
+    Ok(pages)
+}
+
+fn read(page: &Path) -> anyhow::Result<String> {
+    std::fs::read_to_string(page).with_context(|| format!("cannot read {}", page.display()))
+}
+
+/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images.
+pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
+    let old = Results::read(file)?;
+    let settings = &old.settings;
+    let [width, height] = settings.size;
+    let Ok(suite) = Suite::from_str(&settings.suite, false) else {
+        bail!("{} is of the unknown suite `{}`", file.display(), settings.suite)
+    };
+    let out = std::env::temp_dir().join(format!("antumbra-measure-{}", std::process::id()));
+    bench::run(BenchArgs {
+        scene: in_order(old.runs.iter().map(|run| run.scene.clone())),
+        light: in_order(old.runs.iter().map(|run| run.light.kind())),
+        technique: in_order(old.runs.iter().map(|run| run.technique.clone())),
+        size: Some(Size { width, height }),
+        map_size: Some(settings.map_size),
+        light_samples: Some(settings.light_samples),
+        repeat: Some(settings.repeat),
+        suite,
+        out: out.clone(),
+        ..Default::default()
+    })?;
+    let mut new = Results::read(&out.join("results.json"))?;
+    // What is left behind in a temporary directory does no harm.
+    let _ = std::fs::remove_dir_all(&out);
+    for run in &mut new.runs {
+        run.files = Default::default();
+    }
+    let text = serde_json::to_string_pretty(&new).context("cannot serialise the results")?;
+    std::fs::write(file, text + "\n").with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// Each item once, in order of first appearance.
+fn in_order<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    items.fold(Vec::new(), |mut list, item| {
+        if !list.contains(&item) {
+            list.push(item);
+        }
+        list
+    })
 }
 
 fn collect(folder: &Path, pages: &mut Vec<PathBuf>) -> anyhow::Result<()> {
@@ -67,52 +147,30 @@ fn collect(folder: &Path, pages: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The page with its tables filled, and their number.
-fn filled(text: &str, docs: &Path) -> anyhow::Result<(String, usize)> {
-    let (mut out, mut rest, mut count) = (String::new(), text, 0);
-    // A mark stands at the beginning of a line; elsewhere it is only spoken of.
-    while let Some(at) = rest
-        .match_indices(BEGIN)
-        .map(|(i, _)| i)
-        .find(|&i| i == 0 || rest.as_bytes()[i - 1] == b'\n')
-    {
-        let line = rest[at..].find('\n').map_or(rest.len(), |n| at + n);
-        let mark = rest[at..line].trim();
-        let Some(end) = rest[line..].find(END) else { bail!("`{mark}` has no `{END}`") };
-        out += &rest[..line];
-        out += &format!("\n{}", table(mark, docs)?);
-        rest = &rest[line + end..];
-        count += 1;
-    }
-    Ok((out + rest, count))
+/// The page with what its marks ask for, and their number.
+fn filled(text: &str, page: &Path, docs: &Path) -> anyhow::Result<(String, usize)> {
+    mark::replaced(text, |mark| match mark.kind {
+        "measured" => table(mark, docs),
+        "pictured" => picture::caption(mark, &picture::path(docs, page)),
+        other => bail!("`{other}` is no kind of mark; there are measured and pictured"),
+    })
 }
 
-fn table(mark: &str, docs: &Path) -> anyhow::Result<String> {
-    let inner = mark.trim_start_matches(BEGIN).trim_end_matches("-->");
-    let (mut file, mut scenes, mut lights, mut techniques) = (None, None, None, None);
-    for pair in inner.split_whitespace() {
-        let Some((key, value)) = pair.split_once('=') else { bail!("`{pair}` is not key=value") };
-        let list = || Some(value.split(',').map(str::to_owned).collect::<Vec<_>>());
-        match key {
-            "file" => file = Some(docs.join(value)),
-            "scene" => scenes = list(),
-            "light" => lights = list(),
-            "technique" => techniques = list(),
-            _ => bail!("unknown key `{key}`; there are file, scene, light, technique"),
-        }
-    }
-    let Some(file) = file else { bail!("`{mark}` names no file") };
+fn table(mark: &Mark<'_>, docs: &Path) -> anyhow::Result<String> {
+    mark.knows(&["file", "scene", "light", "technique"])?;
+    let file = mark.get("file").map(|file| docs.join(file));
+    let [scenes, lights, techniques] = ["scene", "light", "technique"].map(|key| mark.list(key));
+    let Some(file) = file else { bail!("names no file") };
     let results = Results::read(&file)?;
-    let among = |list: &Option<Vec<String>>, name: &str| {
-        list.as_ref().is_none_or(|l| l.iter().any(|n| n == name))
-    };
+    let among =
+        |list: &Option<Vec<&str>>, name: &str| list.as_ref().is_none_or(|l| l.contains(&name));
     let wanted = |run: &&Run| {
         among(&scenes, &run.scene)
             && among(&lights, run.light.kind().name())
             && among(&techniques, &run.technique)
     };
     let runs: Vec<&Run> = results.runs.iter().filter(wanted).collect();
-    ensure!(!runs.is_empty(), "`{mark}` selects no run of {}", file.display());
+    ensure!(!runs.is_empty(), "selects no run of {}", file.display());
 
     let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
     let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
@@ -145,7 +203,8 @@ mod tests {
         let mut results = sample::results();
         results.runs.retain(|r| r.status == Status::Ok);
         results.write(dir)?;
-        filled(&format!("before\n{mark}\nold\n{END}\nafter\n"), dir)
+        let text = format!("before\n{mark}\nold\n<!-- /measured -->\nafter\n");
+        filled(&text, Path::new("page.md"), dir)
     }
 
     #[test]
@@ -156,7 +215,8 @@ mod tests {
         assert_eq!(count, 1, "one table");
         assert!(!text.contains("\nold\n"), "the old table is gone");
         assert!(text.starts_with("before\n") && text.ends_with("after\n"), "the rest stays");
-        assert_eq!(filled(&text, dir.path()).expect("filled").0, text, "idempotent");
+        let again = filled(&text, Path::new("page.md"), dir.path()).expect("filled").0;
+        assert_eq!(again, text, "idempotent");
     }
 
     #[test]
@@ -170,6 +230,18 @@ mod tests {
         ] {
             assert!(page(dir.path(), mark).is_err(), "{mark}");
         }
-        assert!(filled("<!-- measured file=x -->\n", dir.path()).is_err(), "no end");
+    }
+
+    #[test]
+    fn a_picture_that_nobody_drew_is_an_error() {
+        let dir = tempfile::tempdir().expect("temporary directory");
+        let text =
+            "<!-- pictured scene=tree light=spot technique=map/plain -->\n<!-- /pictured -->\n";
+        let fill = || filled(text, Path::new("docs/page.md"), dir.path());
+        assert!(fill().is_err(), "no picture yet");
+        std::fs::create_dir(dir.path().join("images")).expect("a directory");
+        std::fs::write(dir.path().join("images/page.png"), []).expect("a file");
+        let (text, _) = fill().expect("a picture");
+        assert!(text.contains("(../images/page.png)"), "{text}");
     }
 }

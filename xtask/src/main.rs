@@ -42,7 +42,13 @@ fn run(command: Command) -> anyhow::Result<()> {
             let _runtime_dir = (!args.list).then(provision::ensure_adapter).transpose()?;
             bench::run(args)
         }
-        Command::Doc { check } => doc::run(check),
+        Command::Doc { check, measure, draw } => {
+            let draws = draw.is_some() || !measure.is_empty();
+            let _runtime_dir = draws.then(provision::ensure_adapter).transpose()?;
+            measure.iter().try_for_each(|file| doc::measure(file))?;
+            draw.iter().try_for_each(|names| doc::draw(names))?;
+            doc::run(check)
+        }
         Command::Report { dir } => report::run(&dir),
         Command::Shaders { command: ShaderCommand::Export { to, dir } } => {
             shaders::export(to, &dir)

@@ -297,6 +297,9 @@ pub(crate) struct ScalingPoint {
     pub(crate) gpu_ms: Option<f64>,
     /// Bytes held.
     pub(crate) bytes: Option<u64>,
+    /// Work counters, which are the same in every run.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) work: BTreeMap<String, u64>,
 }
 
 /// A light in a few words: its kind and the numbers that tell it from others of its kind.

@@ -1,5 +1,6 @@
 //! Made-up results for the tests of tables, page and comparison.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use antumbra_reference::Metrics;
@@ -161,6 +162,7 @@ fn scaling(light: Light) -> Vec<ScalingCurve> {
                 rmse: Some((3.0 * factor / value).sqrt()),
                 gpu_ms: Some(0.4 + value * value * 2e-7 / factor),
                 bytes: Some((value * value) as u64 * 4),
+                work: BTreeMap::new(),
             })
             .to_vec(),
     };

@@ -123,6 +123,8 @@ techniques! {
     ObjectId(antumbra_map::ObjectId) = "map/object-id",
     /// The texel's triangle itself.
     TriangleDepth(antumbra_map::TriangleDepth) = "map/triangle-depth",
+    /// Spans of depth along the map's rows.
+    ScanLines(antumbra_map::ScanLines) = "map/scan-lines",
     /// The hardware's polygon offset.
     SlopeBias(antumbra_map::SlopeBias) = "map/slope-bias",
     /// The receiver moved along its normal.
@@ -207,7 +209,7 @@ techniques! {
     Psm(antumbra_sampling::Psm<Box<Config>>) = "sampling/psm",
     #[cfg(feature = "sampling")]
     /// Pages as fine as the view asks for.
-    ResolutionMatched(antumbra_sampling::ResolutionMatched) = "sampling/matched",
+    ResolutionMatched(antumbra_sampling::ResolutionMatched<Box<Config>>) = "sampling/matched",
     #[cfg(feature = "sampling")]
     /// The view's samples in place of a map's.
     ViewSampleMapping(antumbra_sampling::ViewSampleMapping) = "sampling/view-samples",
@@ -223,6 +225,12 @@ techniques! {
     #[cfg(feature = "soft")]
     /// Percentage-closer soft shadows from two moments of depth.
     Vssm(antumbra_soft::Vssm) = "soft/vssm",
+    #[cfg(feature = "soft")]
+    /// The hard shadow, lighter the nearer its border and the farther behind its caster.
+    SingleSample(antumbra_soft::SingleSample) = "soft/single-sample",
+    #[cfg(feature = "soft")]
+    /// The distance to the nearest texel of which the other is true, hidden or lit.
+    RadialSearch(antumbra_soft::RadialSearch) = "soft/radial-search",
     #[cfg(feature = "soft")]
     /// Slices of the casters, each blurred as its distance asks.
     OcclusionTextures(antumbra_soft::OcclusionTextures) = "soft/occlusion-textures",
@@ -286,6 +294,10 @@ impl TechniqueConfig for Config {
 
     fn set_map_size(&mut self, size: u32) {
         self.settings_mut().set_map_size(size);
+    }
+
+    fn map_size(&self) -> Option<u32> {
+        self.settings().map_size()
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {

@@ -24,15 +24,20 @@ pub struct PcfGrid {
     pub side: u32,
 }
 
-/// Hardware PCF: one bilinear comparison fetch, the reconstruction filter for magnified maps.
+/// Hardware PCF: the four texels around the sample in one fetch, interpolated, the reconstruction filter for magnified
+/// maps.
 ///
-/// The four texels share one reference depth, so on slopes the bias is one texel's slope an axis, where
-/// [`PcfBilinearGrid`] with `side` 1, the same filter texel by texel, needs none.
+/// The fetch gathers the texels, and each is compared with its own reference depth: the same filter as
+/// [`PcfBilinearGrid`] with `side` 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PcfHardware {
     /// The shadow map.
     pub map: MapConfig,
+    /// Has the sampler compare and interpolate. Its four texels then share one reference depth, so that the bias is a
+    /// texel's slope an axis and half a texel of the cone more: three reference depths a sample less, and more leak at contacts.
+    /// Default false.
+    pub comparison: bool,
 }
 
 /// PCF over a grid of `side` x `side` bilinear taps one texel apart: a continuous response with slope
@@ -158,16 +163,13 @@ impl PcfHardware {
     /// The estimator, for any layout.
     #[must_use]
     pub fn estimator(&self) -> Estimator {
-        Estimator {
-            slots: vec![
-                module("store", "common::compare_map"),
-                module("estimator", "filter::hardware"),
-            ],
-            read: MapRead::Comparison,
-            radius: 1.0,
-            reach: 1.0,
-            fetches: 1,
-        }
+        let (store, read, reach) = if self.comparison {
+            ("common::compare_map", MapRead::Comparison, 1.0)
+        } else {
+            ("common::gather_map", MapRead::Gathered, 0.0)
+        };
+        let slots = vec![module("store", store), module("estimator", "filter::hardware")];
+        Estimator { slots, read, radius: 1.0, reach, fetches: 1 }
     }
 }
 

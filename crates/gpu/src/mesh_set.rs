@@ -196,7 +196,7 @@ impl MeshSet {
     ) {
         let uniform = CameraUniform {
             clip: camera.clip.as_mat4().to_cols_array_2d(),
-            eye: camera.eye.as_vec3().extend(1.0).to_array(),
+            eye: camera.homogeneous_eye().as_vec4().to_array(),
         };
         gpu.queue.write_buffer(&self.camera, 0, bytemuck::bytes_of(&uniform));
         let target = |view| {
@@ -245,9 +245,9 @@ impl MeshSet {
     ) {
         let matters = self.matters(view);
         let parts = self.parts.iter().filter(|part| which(part) && matters(part));
-        let clusters = parts.flat_map(|part| &part.clusters);
-        let clusters = clusters.filter(|cluster| self.is_seen(view, &cluster.bounds));
-        join(clusters.map(|cluster| cluster.indices.clone()), visit);
+        let clusters = parts.flat_map(Part::clusters);
+        let clusters = clusters.filter(|(_, bounds)| self.is_seen(view, bounds));
+        join(clusters.map(|(indices, _)| indices.clone()), visit);
     }
 
     /// Whether something within `bounds` can shadow something in `view`.
@@ -276,16 +276,9 @@ impl Casters for MeshSet {
         }
     }
 
-    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
-        for cluster in self.casting(light).flat_map(|part| &part.clusters) {
-            visit(cluster.bounds);
-        }
-    }
-
-    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
-        if self.cull {
-            self.parts.iter().flat_map(|part| &part.clusters).for_each(|c| visit(c.bounds));
-        }
+    /// Without culling the answer is no, so that all is drawn.
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody<'_>)) -> bool {
+        self.parts.iter().for_each(|part| visit(&part.body()));
         self.cull
     }
 
@@ -320,12 +313,6 @@ impl Casters for MeshSet {
         })
     }
 
-    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody)) {
-        for part in &self.parts {
-            visit(&part.body());
-        }
-    }
-
     fn edges(&self, gpu: &Gpu) -> Result<Option<&CasterEdges>, GpuError> {
         if let Some(made) = self.edges.get() {
             return Ok(Some(made));
@@ -355,8 +342,8 @@ impl Casters for MeshSet {
         let mut first = 0;
         for part in &self.parts {
             if matters(part) {
-                for (i, cluster) in part.clusters.iter().enumerate() {
-                    if self.is_seen(view, &cluster.bounds) {
+                for (i, bounds) in part.boxes.iter().enumerate() {
+                    if self.is_seen(view, bounds) {
                         visit(first + i as u32..first + i as u32 + 1);
                     }
                 }

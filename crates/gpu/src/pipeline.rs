@@ -102,6 +102,12 @@ pub mod entries {
         entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
     }
 
+    /// A sampler for gathering texels as they are.
+    #[must_use]
+    pub fn nearest_sampler(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
+        entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering))
+    }
+
     /// A storage texture that is only written.
     #[must_use]
     pub fn write_texture(

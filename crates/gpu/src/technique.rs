@@ -38,6 +38,24 @@ pub struct ViewCamera {
     pub eye: DVec3,
 }
 
+impl ViewCamera {
+    /// Where lines of sight come from: the eye's position and 1, or where they are parallel the unit direction to there
+    /// and 0.
+    #[must_use]
+    pub fn homogeneous_eye(&self) -> DVec4 {
+        let rows = self.clip.transpose();
+        let [x, y, w] = [rows.x_axis, rows.y_axis, rows.w_axis].map(DVec4::truncate);
+        if w != DVec3::ZERO {
+            return self.eye.extend(1.0);
+        }
+        // They lead from the eye's side into the picture, whichever way depth runs.
+        let line = x.cross(y).normalize_or_zero();
+        let middle = self.clip.inverse() * DVec4::new(0.0, 0.0, 0.5, 1.0);
+        let side = line.dot(self.eye - middle.truncate() / middle.w);
+        (line * side.signum()).extend(0.0)
+    }
+}
+
 /// Checks that a light is one.
 ///
 /// # Errors
@@ -149,21 +167,11 @@ pub trait Casters {
     /// can shadow something under `light`. Without a caster there is no call.
     fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3));
 
-    /// Calls `visit` with boxes (world space, metres) that together hold every caster that can shadow something
-    /// under `light`. The smaller they are, the more of the map goes to casters that matter. By default one box
-    /// around the hull.
-    fn boxes(&self, light: &Light, visit: &mut dyn FnMut(Bounds)) {
-        let mut all = Bounds::EMPTY;
-        self.hull(light, &mut |p| all = all.union(Bounds { min: p, max: p }));
-        if !all.is_empty() {
-            visit(all);
-        }
-    }
-
-    /// Calls `visit` with boxes (world space, metres) that together hold everything that view samples may lie on,
-    /// and returns `true`; or returns `false`, as by default, where that is not known: then shadows are cast
-    /// everywhere, and all casters are drawn.
-    fn receivers(&self, visit: &mut dyn FnMut(Bounds)) -> bool {
+    /// Calls `visit` with every body, whether it can shadow something or not, and returns whether these are all that
+    /// view samples may lie on. Where they are, views are fitted to what the camera sees of them, and what cannot
+    /// shadow that is left out. By default there is no call and the answer is no: shadows are cast everywhere, all
+    /// casters are drawn, and techniques that look for floors, or for casters one by one, find none.
+    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody<'_>)) -> bool {
         let _ = visit;
         false
     }
@@ -176,13 +184,6 @@ pub trait Casters {
     /// need them then refuse. Triangles with holes are given whole, and such techniques shadow them as whole ones.
     fn triangles(&self) -> Option<CasterTriangles<'_>> {
         None
-    }
-
-    /// Calls `visit` with every body, whether it can shadow something or not. Techniques that shadow floors
-    /// find them here, and those that know casters by their bounds alone; an application that keeps them to
-    /// itself makes no call.
-    fn bodies(&self, visit: &mut dyn FnMut(&CasterBody)) {
-        let _ = visit;
     }
 
     /// The edges of [`Casters::triangles`], for techniques that extrude silhouettes: [`CasterEdges`] made once
@@ -260,15 +261,18 @@ pub struct ListedTriangles<'a> {
 
 /// What [`Casters::bodies`] says of one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CasterBody {
+pub struct CasterBody<'a> {
     /// World-space box, metres.
     pub bounds: Bounds,
+    /// Boxes of its parts, world space, metres, that together hold it. The smaller they are, the more of a map goes to
+    /// casters that matter; `bounds` alone will do.
+    pub parts: &'a [Bounds],
     /// For a flat body that bounds the scene, its plane in world space: xyz unit normal, w offset in metres;
     /// no other body reaches below it.
     pub floor: Option<DVec4>,
 }
 
-impl CasterBody {
+impl CasterBody<'_> {
     /// Whether it can shadow something under `light`. A floor cannot whose upper side is lit: whatever it could shadow
     /// lies below it, and there is nothing.
     #[must_use]
@@ -325,6 +329,10 @@ impl<T: TechniqueConfig + ?Sized> TechniqueConfig for Box<T> {
         (**self).set_map_size(size);
     }
 
+    fn map_size(&self) -> Option<u32> {
+        (**self).map_size()
+    }
+
     fn expectation(&self, case: &str) -> Option<Expectation> {
         (**self).expectation(case)
     }
@@ -341,6 +349,11 @@ pub trait TechniqueConfig {
     /// Sets the side of the technique's maps, texels. Without a map there is nothing to set.
     fn set_map_size(&mut self, size: u32) {
         let _ = size;
+    }
+
+    /// The side of the technique's maps, texels, where others build on it and must know; by default they need not.
+    fn map_size(&self) -> Option<u32> {
+        None
     }
 
     /// What theory says of the technique, with these settings and the default bias, on the hard case of that

@@ -1,7 +1,9 @@
 //! Virtual occluders between the first two depth layers, as a store: nothing lies there, so nothing is
 //! compared with itself.
 
-use antumbra_gpu::{BindGroupCache, Counters, Frame, Gpu, GpuError, Recorder, bind, entries};
+use antumbra_gpu::{
+    BindGroupCache, Counters, Frame, Gpu, GpuError, Layers, Recorder, bind, entries,
+};
 use glam::{DMat4, DVec3, DVec4};
 
 use crate::{DepthPeel, ShadowMap, Store};
@@ -79,9 +81,7 @@ pub struct Between {
 #[derive(Debug)]
 struct Kept {
     metrics: wgpu::Buffer,
-    texture: wgpu::Texture,
-    whole: wgpu::TextureView,
-    layers: u32,
+    layers: Layers,
 }
 
 impl Between {
@@ -140,38 +140,22 @@ impl Between {
     /// The virtual occluders, once they have been needed.
     #[must_use]
     pub fn texture(&self) -> Option<&wgpu::Texture> {
-        self.kept.as_ref().map(|k| &k.texture)
+        self.kept.as_ref().map(|k| &k.layers.texture)
     }
 }
 
 impl Kept {
-    fn new(gpu: &Gpu, size: u32, layers: u32) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "virtual occluders",
-            &wgpu::TextureDescriptor {
-                label: Some("virtual occluders"),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::R32Float,
-                usage: wgpu::TextureUsages::STORAGE_BINDING
-                    | wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            },
-        )?;
-        let whole = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            ..Default::default()
-        });
+    fn new(gpu: &Gpu, size: u32, count: u32) -> Result<Self, GpuError> {
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let format = wgpu::TextureFormat::R32Float;
+        let layers = Layers::new(gpu, "virtual occluders", format, (size, count), usage)?;
         let metrics = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("metrics"),
-            size: u64::from(layers) * size_of::<[f32; 4]>() as u64,
+            size: u64::from(count) * size_of::<[f32; 4]>() as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        Ok(Self { metrics, texture, whole, layers })
+        Ok(Self { metrics, layers })
     }
 }
 
@@ -179,7 +163,7 @@ impl Store for Between {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
         self.peel.prepare(gpu, frame, map)?;
         let layers = map.layer_views().len() as u32;
-        if layers > 0 && self.kept.as_ref().is_none_or(|k| k.layers < layers) {
+        if layers > 0 && self.kept.as_ref().is_none_or(|k| k.layers.each.len() < layers as usize) {
             self.kept = Some(Kept::new(gpu, map.size(), layers)?);
         }
         self.hull.clear();
@@ -210,7 +194,7 @@ impl Store for Between {
         else {
             return Ok(());
         };
-        let key = [first.clone(), second.clone(), kept.whole.clone()];
+        let key = [first.clone(), second.clone(), kept.layers.whole.clone()];
         let group = self.group.get(key, |[first, second, output]| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("between"),
@@ -235,7 +219,7 @@ impl Store for Between {
     }
 
     fn view(&self) -> Option<&wgpu::TextureView> {
-        self.kept.as_ref().map(|k| &k.whole)
+        self.kept.as_ref().map(|k| &k.layers.whole)
     }
 
     fn counters(&self) -> Counters {
@@ -243,9 +227,7 @@ impl Store for Between {
     }
 
     fn bytes(&self) -> u64 {
-        let kept = self.kept.as_ref().map_or(0, |k| {
-            u64::from(k.layers) * u64::from(k.texture.width()).pow(2) * 4 + k.metrics.size()
-        });
+        let kept = self.kept.as_ref().map_or(0, |k| k.layers.bytes() + k.metrics.size());
         self.peel.bytes() + kept
     }
 }

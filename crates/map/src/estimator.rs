@@ -9,6 +9,8 @@ pub enum MapRead {
     Comparison,
     /// Floats, texel by texel (`texture_2d_array<f32>`, of any float format or depth).
     Texels,
+    /// Depth, four texels a fetch (`texture_2d_array<f32>` and `textureGather`).
+    Gathered,
     /// Floats, through a bilinear sampler that ends at the border (`texture_2d_array<f32>`, of a filterable
     /// format).
     Filtered,

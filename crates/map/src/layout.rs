@@ -1,8 +1,9 @@
 //! How a light's views are arranged: what shaders link, and who fits the views.
 
+use std::any::Any;
 use std::fmt;
 
-use antumbra_gpu::{Frame, Gpu, GpuError, Recorder};
+use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder};
 use antumbra_scene::Light;
 use antumbra_shaders::{Slot, module};
 use glam::DVec3;
@@ -20,6 +21,9 @@ pub enum Drawing {
     /// By `map::warped`: vertices go where the projection takes them, and edges stay straight in between. Needs
     /// [`antumbra_gpu::Casters::triangles`].
     Warped,
+    /// By the passes of the arrangement's own [`Refit`], all views into one layer. The layout's `map::shadow` finds the
+    /// texels again, and kernels stay among those that surround a sample by the map's guard band.
+    Pages,
 }
 
 /// A layout: in which view of the map a point lies, and how a view projects.
@@ -96,13 +100,39 @@ pub trait Arrange: fmt::Debug {
 }
 
 /// Passes that write matrices over those that [`Arrange::fit`] gave, before the map is drawn. What they do not know of
-/// is left as it was fitted: half-spaces for culling, linear depth, the views that have a layer.
-pub trait Refit: fmt::Debug {
+/// is left as it was fitted: half-spaces for culling, linear depth, the views that have a layer. Those of
+/// [`Drawing::Pages`] draw the map, too.
+pub trait Refit: fmt::Debug + Any {
     /// Uploads for a frame whose views `map` has fitted.
     ///
     /// # Errors
     /// A frame that cannot be served.
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError>;
+
+    /// Layout of what the layout's own modules read: bind group 3 of the lookup, seen by the compute stage. The same at all
+    /// times; nothing by default.
+    fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {
+        None
+    }
+
+    /// The bind group of that layout for the frame that was last prepared.
+    fn group(&self) -> Option<&wgpu::BindGroup> {
+        None
+    }
+
+    /// Work of the last [`Refit::encode`]; none by default, where it is little.
+    fn counters(&self) -> Counters {
+        Counters::new()
+    }
+
+    /// As [`Refit::counters`], with what only the GPU knows. Waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let _ = gpu;
+        Ok(self.counters())
+    }
 
     /// Records the passes. They write the matrices both into the views that `resolve` looks up
     /// ([`Resolve::views`]) and into those that the map is drawn by ([`ShadowMap::matrices`]).
@@ -114,6 +144,11 @@ pub trait Refit: fmt::Debug {
         resolve: &Resolve,
         recorder: &mut Recorder<'_>,
     );
+
+    /// Whether casters are to be chosen on the GPU by the windows of what is fitted, default no.
+    fn culls(&self) -> bool {
+        false
+    }
 
     /// Bytes of GPU memory held.
     fn bytes(&self) -> u64;

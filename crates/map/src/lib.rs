@@ -27,6 +27,7 @@ pub mod projection;
 mod receiver_mask;
 mod resolve;
 mod sampling_error;
+mod scan_lines;
 mod self_shadowing;
 mod shadow_map;
 mod store;
@@ -53,6 +54,7 @@ pub use per_object::{MOST_OBJECT_MAPS, PerObject};
 pub use projection::{DiscShadows, Planar, Plane, ShadowTexture};
 pub use resolve::Resolve;
 pub use sampling_error::{SamplingError, TexelOnScreen};
+pub use scan_lines::{ScanLineStore, ScanLines, Span};
 pub use self_shadowing::{
     DualLayers, Midpoint, NormalOffset, SecondDepth, SecondSurface, SlopeBias,
 };
@@ -62,4 +64,4 @@ pub use technique::{MapConfig, MapTechnique, Plain};
 pub use triangle_map::TriangleMap;
 pub use triangles::{ObjectId, PolygonId, TriangleDepth};
 pub use view::{DepthConvention, ShadowView};
-pub use visible::VisibleRegion;
+pub use visible::{BodyBoxes, VisibleRegion};

@@ -1,10 +1,11 @@
 //! Depth peeling: the second, third, .. surface behind each texel (Everitt 2001).
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Frame, Gpu, GpuError, Recorder, bind, entries, light_view_layout,
+    BindGroupCache, Counters, Frame, Gpu, GpuError, Layers, Recorder, bind, entries,
+    light_view_layout,
 };
 
-use crate::shadow_map::Layers;
+use crate::shadow_map::depth_layers;
 use crate::{DepthConvention, ShadowMap, caster_depth};
 
 /// The depth layers behind the first, which is the map itself, drawn by [`ShadowMap::encode_triangles`] without
@@ -78,7 +79,7 @@ impl DepthPeel {
         if count > 0 && self.layers.first().is_none_or(|l| l.each.len() < count) {
             self.layers.clear();
             for _ in 0..self.deeper {
-                self.layers.push(Layers::new(gpu, map.size(), count as u32)?);
+                self.layers.push(depth_layers(gpu, map.size(), count as u32)?);
             }
             self.groups.resize_with(self.deeper * count, BindGroupCache::default);
         }
@@ -139,7 +140,6 @@ impl DepthPeel {
     /// Bytes of GPU memory held.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let bytes = |l: &Layers| 4 * u64::from(l.texture.width()).pow(2) * l.each.len() as u64;
-        self.layers.iter().map(bytes).sum()
+        self.layers.iter().map(Layers::bytes).sum()
     }
 }

@@ -81,7 +81,7 @@ impl Arrange for PerObject {
         }
         let casting = Bounds::of(hull.iter().copied());
         let mut objects = Vec::new();
-        frame.casters.bodies(&mut |body: &CasterBody| {
+        frame.casters.bodies(&mut |body: &CasterBody<'_>| {
             if body.can_cast(frame.light) && !body.bounds.is_empty() {
                 objects.push(body.bounds);
             }

@@ -6,11 +6,15 @@
 //! nobody reads may hold anything, so visibility does not change by a bit. After the receiver masks of Bittner,
 //! Mattausch, Silvennoinen, Wimmer, "Shadow Caster Culling for Efficient Shadow Mapping" (2011), who draw receivers
 //! where this marks samples.
+//!
+//! Where views are fitted on the GPU, so that the CPU does not know their windows, casters are listed by these alone:
+//! what lies outside would be clipped.
 
 use antumbra_gpu::{
     BindGroupCache, CasterClusters, Frame, Gpu, GpuError, Recorder, ViewSamples, bind, entries,
     read_buffer,
 };
+use glam::Mat4;
 
 use crate::{Layout, ShadowMap};
 
@@ -39,18 +43,18 @@ struct MaskUniform {
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct CulledUniform {
-    clip: [f32; 16],
     clusters: u32,
     kept: u32,
     layer: u32,
     holes: u32,
 }
 
-/// The mask of a light's map, and what is listed by it.
+/// The mask of a light's map, or its views' windows alone, and what is listed by it.
 #[derive(Debug)]
 pub(crate) struct ReceiverMask {
     layout: Layout,
-    mark: wgpu::ComputePipeline,
+    /// Nothing where windows alone decide.
+    mark: Option<wgpu::ComputePipeline>,
     cull: wgpu::ComputePipeline,
     mark_layout: wgpu::BindGroupLayout,
     views_layout: wgpu::BindGroupLayout,
@@ -62,7 +66,7 @@ pub(crate) struct ReceiverMask {
     room: Option<Room>,
     mark_group: BindGroupCache<([wgpu::TextureView; 2], wgpu::Buffer)>,
     views_group: BindGroupCache<wgpu::Buffer>,
-    cull_group: BindGroupCache<wgpu::Buffer>,
+    cull_group: BindGroupCache<[wgpu::Buffer; 2]>,
     clusters_group: BindGroupCache<[wgpu::Buffer; 2]>,
     /// Clusters that the CPU kept, a bit each, view by view.
     kept: Vec<u32>,
@@ -87,7 +91,7 @@ struct Room {
 
 impl ReceiverMask {
     /// Links and compiles the passes for the views of `layout`, in a map of `size` texels a side whose texels are read
-    /// up to `radius` texels from a sample's own place.
+    /// up to `radius` texels from a sample's own place; without a radius, for lists of what lies in the views' windows.
     ///
     /// # Errors
     /// A layout whose shader does not link.
@@ -95,7 +99,7 @@ impl ReceiverMask {
         gpu: &Gpu,
         layout: &Layout,
         size: u32,
-        radius: f32,
+        radius: Option<f32>,
     ) -> Result<Self, GpuError> {
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
@@ -121,33 +125,35 @@ impl ReceiverMask {
                 entries::storage(3, CS),
                 entries::write_storage(4, CS),
                 entries::write_storage(5, CS),
+                entries::dynamic_uniform(6, CS),
             ],
         );
         let clusters_layout =
             group("clusters", &[entries::storage(0, CS), entries::storage(1, CS)]);
-        let mark = antumbra_shaders::link("map::receiver_mask", &layout.slots)?;
-        let mark = gpu.shader("receiver mask", mark);
+        let mark = match radius {
+            Some(_) => Some(antumbra_shaders::link("map::receiver_mask", &layout.slots)?),
+            None => None,
+        };
+        let mark = mark.map(|mark| {
+            let mark = gpu.shader("receiver mask", mark);
+            gpu.compute_pipeline("receiver mask", &mark, "mark", &[&mark_layout, &views_layout])
+        });
         let cull = antumbra_shaders::link("map::cull_clusters", &[])?;
         let cull = gpu.shader("culled clusters", cull);
         let cell = size.div_ceil(CELLS);
-        let rows = size.div_ceil(cell);
+        let rows = if mark.is_some() { size.div_ceil(cell) } else { 0 };
         let mask = MaskUniform {
             size,
             cell,
             words: rows.div_ceil(32),
             rows,
             // Half a texel from its place to its texel's middle is within the radius; one more is for rounding.
-            reach: radius + 1.0,
+            reach: radius.unwrap_or_default() + 1.0,
             pad: [0; 3],
         };
         Ok(Self {
             layout: layout.clone(),
-            mark: gpu.compute_pipeline(
-                "receiver mask",
-                &mark,
-                "mark",
-                &[&mark_layout, &views_layout],
-            ),
+            mark,
             cull: gpu.compute_pipeline(
                 "culled clusters",
                 &cull,
@@ -180,9 +186,9 @@ impl ReceiverMask {
         })
     }
 
-    /// Whether the passes are those of `layout`.
-    pub(crate) fn serves(&self, layout: &Layout) -> bool {
-        self.layout == *layout
+    /// Whether the passes are those of `layout`, with marks or without.
+    pub(crate) fn serves(&self, layout: &Layout, marked: bool) -> bool {
+        self.layout == *layout && self.mark.is_some() == marked
     }
 
     /// Takes note of the clusters that may matter in each view of `map`, and uploads them.
@@ -208,7 +214,6 @@ impl ReceiverMask {
                 range.for_each(|i| kept[i as usize / 32] |= 1 << (i % 32));
             });
             let culled = CulledUniform {
-                clip: view.clip.to_cols_array(),
                 clusters: clusters.count,
                 kept: first as u32,
                 layer: layer as u32,
@@ -239,7 +244,7 @@ impl ReceiverMask {
         Ok(())
     }
 
-    /// Records the marks of `samples`, looked up in `views` (of `map::views`).
+    /// Records the marks of `samples`, looked up in `views` (of `map::views`), and empties the lists.
     pub(crate) fn encode_marks(
         &mut self,
         gpu: &Gpu,
@@ -248,9 +253,10 @@ impl ReceiverMask {
         views: &wgpu::Buffer,
     ) {
         let Some(room) = self.room.as_ref().filter(|_| self.views > 0) else { return };
-        recorder.encoder.clear_buffer(&room.cells, 0, None);
         let bytes = u64::from(self.views) * DRAWS;
         recorder.encoder.copy_buffer_to_buffer(&room.blank, 0, &room.draws, 0, bytes);
+        let Some(pipeline) = &self.mark else { return };
+        recorder.encoder.clear_buffer(&room.cells, 0, None);
         let textures = [samples.positions_view.clone(), samples.normals_view.clone()];
         let mark = self.mark_group.get((textures, room.cells.clone()), |(textures, cells)| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -273,40 +279,44 @@ impl ReceiverMask {
         });
         let (width, height) = samples.size();
         let mut pass = recorder.compute_pass("map/receiver_mask");
-        pass.set_pipeline(&self.mark);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, mark, &[]);
         pass.set_bind_group(1, views, &[]);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
     }
 
-    /// Records the list of triangles for the view in `layer`, for one use before the next list. Gives the indices, and
-    /// the draws with their offset.
+    /// Records the list of triangles for the view in `layer`, drawn by its matrix in `matrices` (with the bytes from one to
+    /// the next), for one use before the next list. Gives the indices, and the draws with their offset.
     pub(crate) fn encode_list(
         &mut self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
         layer: u32,
+        (matrices, stride): (&wgpu::Buffer, u32),
         clusters: &CasterClusters<'_>,
     ) -> Option<(&wgpu::Buffer, &wgpu::Buffer, u64)> {
         let room = self.room.as_ref()?;
-        let cull = self.cull_group.get(room.listed.clone(), |listed| {
+        let key = [room.listed.clone(), matrices.clone()];
+        let cull = self.cull_group.get(key, |[listed, matrices]| {
+            let culled = first(&room.culled, size_of::<CulledUniform>());
+            let clip = first(matrices, size_of::<Mat4>());
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("culled clusters"),
                 layout: &self.cull_layout,
                 entries: &[
                     wgpu::BindGroupEntry {
                         binding: 0,
-                        resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                            buffer: &room.culled,
-                            offset: 0,
-                            size: wgpu::BufferSize::new(size_of::<CulledUniform>() as u64),
-                        }),
+                        resource: wgpu::BindingResource::Buffer(culled),
                     },
                     bind::buffer(1, &self.mask_buffer),
                     bind::buffer(2, &room.cells),
                     bind::buffer(3, &room.kept),
                     bind::buffer(4, &room.draws),
                     bind::buffer(5, listed),
+                    wgpu::BindGroupEntry {
+                        binding: 6,
+                        resource: wgpu::BindingResource::Buffer(clip),
+                    },
                 ],
             })
         });
@@ -320,7 +330,7 @@ impl ReceiverMask {
         });
         let mut pass = recorder.compute_pass("map/cull");
         pass.set_pipeline(&self.cull);
-        pass.set_bind_group(0, cull, &[layer * self.stride]);
+        pass.set_bind_group(0, cull, &[layer * self.stride, layer * stride]);
         pass.set_bind_group(1, bound, &[]);
         let groups = self.clusters.div_ceil(64);
         // As many rows as a dispatch's width leaves over: the limit is 65535.
@@ -352,6 +362,11 @@ impl ReceiverMask {
         });
         room + self.mask_buffer.size()
     }
+}
+
+/// The first `size` bytes of a buffer that is bound at offsets.
+fn first(buffer: &wgpu::Buffer, size: usize) -> wgpu::BufferBinding<'_> {
+    wgpu::BufferBinding { buffer, offset: 0, size: wgpu::BufferSize::new(size as u64) }
 }
 
 /// Workgroups in a row of a dispatch.
@@ -391,7 +406,8 @@ impl Room {
             views,
             clusters: clusters.count,
             indices: clusters.indices_count,
-            cells: buffer("receiver mask", many * words * 4, Usages::STORAGE),
+            // Without marks, a word that nobody reads.
+            cells: buffer("receiver mask", (many * words * 4).max(4), Usages::STORAGE),
             kept: buffer("clusters that may matter", many * kept * 4, Usages::STORAGE),
             culled: buffer("culled views", many * u64::from(stride), Usages::UNIFORM),
             blank: buffer("draws of nothing", many * DRAWS, Usages::COPY_SRC),

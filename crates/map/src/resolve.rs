@@ -19,6 +19,7 @@ pub struct Resolve {
     frame_group: BindGroupCache<[wgpu::TextureView; 3]>,
     map_group: BindGroupCache<wgpu::TextureView>,
     group: Option<wgpu::BindGroup>,
+    layout_group: Option<wgpu::BindGroup>,
 }
 
 impl Resolve {
@@ -47,6 +48,21 @@ impl Resolve {
         convention: DepthConvention,
         group: Option<&wgpu::BindGroupLayout>,
     ) -> Result<Self, GpuError> {
+        Self::with_groups(gpu, layout, estimator, convention, [group, None])
+    }
+
+    /// As [`Resolve::with_group`], for a layout that reads more than its views, too: bind groups 2 and 3
+    /// ([`Resolve::set_group`], [`Resolve::set_layout_group`]).
+    ///
+    /// # Errors
+    /// As [`Resolve::new`].
+    pub fn with_groups(
+        gpu: &Gpu,
+        layout: &Layout,
+        estimator: &Estimator,
+        convention: DepthConvention,
+        [group, layout_group]: [Option<&wgpu::BindGroupLayout>; 2],
+    ) -> Result<Self, GpuError> {
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         let device = &gpu.device;
         let frame_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -59,18 +75,21 @@ impl Resolve {
         });
         let map = match estimator.read {
             MapRead::Comparison => entries::depth_array(1, CS),
-            MapRead::Texels => entries::texels(1, CS, true),
+            MapRead::Texels | MapRead::Gathered => entries::texels(1, CS, true),
             MapRead::Filtered => entries::filterable_array(1, CS),
             MapRead::Unsigned => entries::unsigned_array(1, CS),
         };
         let (sampling, compare) = match estimator.read {
             MapRead::Filtered => (entries::filtering_sampler(2, CS), None),
+            MapRead::Gathered => (entries::nearest_sampler(2, CS), None),
             _ => (entries::comparison_sampler(2, CS), Some(convention.compare())),
         };
         let map_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("resolve: map"),
             entries: &[entries::storage(0, CS), map, sampling],
         });
+        let groups = [Some(&frame_layout), Some(&map_layout), group, layout_group];
+        let used = groups.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         let mut slots = estimator.slots.clone();
         slots.extend(layout.slots.iter().cloned());
         let shader = gpu.shader("resolve", antumbra_shaders::link("map::resolve", &slots)?);
@@ -78,8 +97,7 @@ impl Resolve {
             label: Some("resolve"),
             layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("resolve"),
-                bind_group_layouts: &[Some(&frame_layout), Some(&map_layout), group]
-                    [..2 + usize::from(group.is_some())],
+                bind_group_layouts: &groups[..used],
                 immediate_size: 0,
             })),
             module: &shader,
@@ -87,10 +105,14 @@ impl Resolve {
             compilation_options: Default::default(),
             cache: None,
         });
+        let filter = match estimator.read {
+            MapRead::Gathered => wgpu::FilterMode::Nearest,
+            _ => wgpu::FilterMode::Linear,
+        };
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow map"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
+            mag_filter: filter,
+            min_filter: filter,
             compare,
             ..Default::default()
         });
@@ -112,6 +134,7 @@ impl Resolve {
             frame_group: BindGroupCache::default(),
             map_group: BindGroupCache::default(),
             group: None,
+            layout_group: None,
         })
     }
 
@@ -140,6 +163,11 @@ impl Resolve {
     /// Sets what the estimator reads beside its map, from now on.
     pub fn set_group(&mut self, group: Option<&wgpu::BindGroup>) {
         self.group = group.cloned();
+    }
+
+    /// Sets what the layout reads beside its views, from now on.
+    pub fn set_layout_group(&mut self, group: Option<&wgpu::BindGroup>) {
+        self.layout_group = group.cloned();
     }
 
     /// Records the pass: visibility of `samples` through `map` into `visibility` (`R32Float`, storage).
@@ -183,6 +211,9 @@ impl Resolve {
         pass.set_bind_group(1, map_group, &[]);
         if let Some(group) = &self.group {
             pass.set_bind_group(2, group, &[]);
+        }
+        if let Some(group) = &self.layout_group {
+            pass.set_bind_group(3, group, &[]);
         }
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
     }

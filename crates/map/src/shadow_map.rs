@@ -1,17 +1,16 @@
 //! The depth texture of a light and the passes that fill it.
 
 use antumbra_gpu::{
-    CasterClusters, Counters, Drawn, Frame, Gpu, GpuError, LightView, ListedTriangles, Recorder,
-    light_view_layout,
+    CasterClusters, Counters, Drawn, Frame, Gpu, GpuError, Layers, LightView, ListedTriangles,
+    Recorder, light_view_layout,
 };
-use antumbra_scene::Bounds;
 use glam::{DVec3, DVec4, Mat4};
 
 use crate::chart_pass::{ChartPass, triangles_of};
 use crate::receiver_mask::ReceiverMask;
 use crate::{
-    Arrange, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth, SeenView,
-    Sight, VisibleRegion,
+    Arrange, BodyBoxes, CasterDepth, DepthConvention, Drawing, FittedView, Fitting, LinearDepth,
+    SeenView, Sight,
 };
 
 /// Fitted views of a light and the depth map that holds them, one layer a view with casters.
@@ -29,19 +28,8 @@ pub struct ShadowMap {
     linear: Vec<LinearDepth>,
     volumes: Vec<Vec<DVec4>>,
     hull: Vec<DVec3>,
-    casters: Vec<Bounds>,
-    receivers: Vec<Bounds>,
+    boxes: BodyBoxes,
     counters: Counters,
-}
-
-/// An array of square depth textures.
-#[derive(Debug)]
-pub(crate) struct Layers {
-    pub(crate) texture: wgpu::Texture,
-    /// All layers, `D2Array`.
-    pub(crate) whole: wgpu::TextureView,
-    /// Each layer, `D2`.
-    pub(crate) each: Vec<wgpu::TextureView>,
 }
 
 /// The matrices of the views, for their depth passes.
@@ -50,6 +38,11 @@ struct Matrices {
     buffer: wgpu::Buffer,
     group: wgpu::BindGroup,
     capacity: usize,
+}
+
+/// Whether casters are drawn from their triangles into charts of directions.
+fn is_chart(drawing: Drawing) -> bool {
+    matches!(drawing, Drawing::Traced | Drawing::Warped)
 }
 
 /// Room for the views of a cube; layouts of more make more.
@@ -97,8 +90,7 @@ impl ShadowMap {
             linear: Vec::new(),
             volumes: Vec::new(),
             hull: Vec::new(),
-            casters: Vec::new(),
-            receivers: Vec::new(),
+            boxes: BodyBoxes::default(),
             counters: Counters::new(),
         })
     }
@@ -135,25 +127,28 @@ impl ShadowMap {
             guard: self.guard,
             receivers: self.draws_receivers,
         };
-        let region = self.visible_region(frame);
-        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
+        let region = self.boxes.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: self.boxes.casters() });
         let seen = self.arrange.fit(frame, &self.hull, sight.as_ref(), &fitting)?;
         self.measure_depth(frame, &seen);
         (self.views, self.volumes) =
             seen.into_iter().map(|SeenView { view, volume, .. }| (view, volume)).unzip();
-        let needed = self.views.iter().filter(|v| v.clip.is_some()).count();
-        if needed > self.matrices.capacity {
-            self.matrices = Matrices::new(gpu, self.stride, needed);
+        let drawn = self.views.iter().filter(|v| v.clip.is_some()).count();
+        if drawn > self.matrices.capacity {
+            self.matrices = Matrices::new(gpu, self.stride, drawn);
         }
         for (layer, clip) in self.views.iter().filter_map(|v| v.clip).enumerate() {
             let offset = layer as u64 * u64::from(self.stride);
             let matrix = clip.as_mat4().to_cols_array();
             gpu.queue.write_buffer(&self.matrices.buffer, offset, bytemuck::bytes_of(&matrix));
         }
+        let in_pages = self.arrange.layout(frame.light).drawing == Drawing::Pages;
+        let needed = if in_pages { drawn.min(1) } else { drawn };
+        self.linear.truncate(needed);
         self.prepare_charts(gpu, frame, needed)?;
         // Layers are kept when fewer are needed, so that a light that flits in and out allocates once.
         if self.layers.as_ref().is_none_or(|l| l.each.len() < needed) && needed > 0 {
-            self.layers = Some(Layers::new(gpu, self.size, needed as u32)?);
+            self.layers = Some(depth_layers(gpu, self.size, needed as u32)?);
         }
         Ok(())
     }
@@ -164,7 +159,7 @@ impl ShadowMap {
             *point -= frame.origin;
         }
         let convention = DepthConvention::REVERSED_F32;
-        let is_curved = self.arrange.layout(frame.light).drawing != Drawing::Matrix;
+        let is_curved = is_chart(self.arrange.layout(frame.light).drawing);
         let linear = |SeenView { view, ends, .. }: &SeenView| {
             let clip = view.clip?;
             let linear = match ends {
@@ -190,8 +185,8 @@ impl ShadowMap {
         needed: usize,
     ) -> Result<(), GpuError> {
         let layout = self.arrange.layout(frame.light);
-        if layout.drawing == Drawing::Matrix || needed == 0 {
-            self.charts = self.charts.take().filter(|_| layout.drawing != Drawing::Matrix);
+        if !is_chart(layout.drawing) || needed == 0 {
+            self.charts = self.charts.take().filter(|_| is_chart(layout.drawing));
             return Ok(());
         }
         let triangles = triangles_of(frame.casters)?;
@@ -201,21 +196,6 @@ impl ShadowMap {
         };
         self.charts.insert(charts).bind(gpu, &triangles, &self.matrices.buffer);
         Ok(())
-    }
-
-    /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and
-    /// every caster counts.
-    fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
-        let camera = frame.camera?;
-        self.receivers.clear();
-        let receivers = &mut self.receivers;
-        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
-            return None;
-        }
-        self.casters.clear();
-        let casters = &mut self.casters;
-        frame.casters.boxes(frame.light, &mut |bounds| casters.push(bounds));
-        VisibleRegion::new(&camera, &self.receivers, frame.origin)
     }
 
     /// Records one depth pass for each view with casters.
@@ -257,7 +237,7 @@ impl ShadowMap {
         let clear = DepthConvention::REVERSED_F32.clear();
         let (mut passes, mut draws) = (0, 0);
         for (number, (view, layer)) in self.light_views(frame).zip(self.layer_views()).enumerate() {
-            let list = mask.encode_list(gpu, recorder, number as u32, clusters);
+            let list = mask.encode_list(gpu, recorder, number as u32, self.matrices(), clusters);
             let mut pass = recorder.depth_pass("map/depth", layer, clear);
             if let Some((indices, list, offset)) = list {
                 let list = ListedTriangles { indices, draws: list, offset };
@@ -390,8 +370,7 @@ impl ShadowMap {
     /// Bytes of GPU memory held.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let layers = self.layers.as_ref().map_or(0, |l| l.each.len() as u64);
-        layers * u64::from(self.size) * u64::from(self.size) * 4 + self.matrices.buffer.size()
+        self.layers.as_ref().map_or(0, Layers::bytes) + self.matrices.buffer.size()
     }
 }
 
@@ -422,34 +401,8 @@ impl Matrices {
     }
 }
 
-impl Layers {
-    pub(crate) fn new(gpu: &Gpu, size: u32, count: u32) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "shadow map",
-            &wgpu::TextureDescriptor {
-                label: Some("shadow map"),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: count },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: ShadowMap::FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            },
-        )?;
-        let view = |dimension, base_array_layer, count| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                label: Some("shadow map"),
-                dimension: Some(dimension),
-                base_array_layer,
-                array_layer_count: Some(count),
-                ..Default::default()
-            })
-        };
-        let whole = view(wgpu::TextureViewDimension::D2Array, 0, count);
-        let each = (0..count).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
-        Ok(Self { texture, whole, each })
-    }
+/// Layers of depth as a map's.
+pub(crate) fn depth_layers(gpu: &Gpu, size: u32, count: u32) -> Result<Layers, GpuError> {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+    Layers::new(gpu, "shadow map", ShadowMap::FORMAT, (size, count), usage)
 }

@@ -3,6 +3,7 @@
 use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
 };
+use antumbra_shaders::Slot;
 use serde::{Deserialize, Serialize};
 
 use crate::receiver_mask::ReceiverMask;
@@ -27,7 +28,7 @@ pub struct MapConfig {
     /// the indices of all triangles; saves the casters that shadow only what the camera does not see. For estimators
     /// that compare texels of the map itself, over projections by matrix and casters in clusters
     /// ([`antumbra_gpu::Casters::clusters`]); other casters and projections are drawn as without, and so are layouts that
-    /// look up more than one view.
+    /// do not say which views they look up (`map::looked_up`).
     pub receiver_mask: bool,
     /// Number of maps that objects have for themselves under directional and spot lights, up to 64; default 0: one map
     /// around all casters. With more objects than maps, neighbours share one. Each map costs a pass and a layer, and
@@ -82,6 +83,10 @@ impl TechniqueConfig for Plain {
 
     fn set_map_size(&mut self, size: u32) {
         self.map.size = size;
+    }
+
+    fn map_size(&self) -> Option<u32> {
+        Some(self.map.size)
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
@@ -233,24 +238,46 @@ impl MapTechnique {
         self.store.as_deref()
     }
 
+    /// What fits the views anew, or draws them, if anything: of the last frame's light.
+    #[must_use]
+    pub fn refit(&self) -> Option<&dyn Refit> {
+        self.refit.as_deref()
+    }
+
+    /// Whether the map is drawn in the usual way and texels are looked up within the estimator's radius alone, so that its
+    /// texels may lie anywhere ([`Drawing::Pages`]).
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        let wide = |(slot, _): &Slot| slot == "map::through" || slot == "map::shadow";
+        self.drawn_by.is_none()
+            && !self.store.as_ref().is_some_and(|s| s.draws())
+            && !self.estimator.slots.iter().any(wide)
+    }
+
     /// Takes note of what may be drawn of the casters, where it is masked.
     fn prepare_mask(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let layout = self.map.arrange().layout(frame.light);
+        let replaces = |slots: &[Slot], module: &str| slots.iter().any(|(slot, _)| slot == module);
         // Who replaces this module may look up more than one view, or other texels than the estimator says.
-        let mut slots = layout.slots.iter().chain(&self.estimator.slots);
-        let as_usual = !slots.any(|(slot, _)| slot == "map::shadow");
-        let masked = self.config.receiver_mask
-            && as_usual
-            && self.drawn_by.is_none()
-            && layout.drawing == Drawing::Matrix;
-        let clusters = if masked { frame.casters.clusters(gpu) } else { None };
+        let as_usual = !replaces(&self.estimator.slots, "map::shadow")
+            && (!replaces(&layout.slots, "map::shadow")
+                || replaces(&layout.slots, "map::looked_up"));
+        let marked = self.config.receiver_mask && as_usual;
+        let listed = marked || self.refit.as_ref().is_some_and(|refit| refit.culls());
+        let drawn = self.drawn_by.is_none()
+            && layout.drawing == Drawing::Matrix
+            && !self.store.as_ref().is_some_and(|store| store.draws());
+        let clusters = if listed && drawn { frame.casters.clusters(gpu) } else { None };
         let Some(clusters) = clusters else {
             self.mask = None;
             return Ok(());
         };
-        let mask = match self.mask.take().filter(|mask| mask.serves(&layout)) {
+        let mask = match self.mask.take().filter(|mask| mask.serves(&layout, marked)) {
             Some(mask) => mask,
-            None => ReceiverMask::new(gpu, &layout, self.map.size(), self.estimator.radius)?,
+            None => {
+                let radius = marked.then_some(self.estimator.radius);
+                ReceiverMask::new(gpu, &layout, self.map.size(), radius)?
+            }
         };
         self.mask.insert(mask).prepare(gpu, frame, &self.map, &clusters)
     }
@@ -272,12 +299,16 @@ impl Technique for MapTechnique {
         let layout = self.map.arrange().layout(frame.light);
         let convention = DepthConvention::REVERSED_F32;
         if self.resolve.as_ref().is_none_or(|(kept, _)| *kept != layout) {
-            let group = self.store.as_ref().and_then(|s| s.group_layout());
-            let resolve = Resolve::with_group(gpu, &layout, &self.estimator, convention, group)?;
-            self.resolve = Some((layout, resolve));
             self.refit = self.map.arrange().refit(gpu, frame.light)?;
+            let groups = [
+                self.store.as_ref().and_then(|s| s.group_layout()),
+                self.refit.as_ref().and_then(|r| r.group_layout()),
+            ];
+            let resolve = Resolve::with_groups(gpu, &layout, &self.estimator, convention, groups)?;
+            self.resolve = Some((layout, resolve));
         }
-        let mut layer = 0;
+        let last_layer = self.map.linear_depths().len().saturating_sub(1);
+        let mut layers = (0..).map(|layer: usize| layer.min(last_layer));
         let views: Vec<ShadowView> = self
             .map
             .views()
@@ -285,10 +316,10 @@ impl Technique for MapTechnique {
             .map(|view| match &view.clip {
                 None => ShadowView::empty(view.light),
                 Some(clip) => {
-                    layer += 1;
-                    let bias = &self.config.bias;
-                    ShadowView::new(clip, view.light, layer - 1, convention, bias, &self.estimator)
-                        .with_linear(&self.map.linear_depths()[layer as usize - 1])
+                    let layer = layers.next().unwrap_or_default();
+                    let (bias, number) = (&self.config.bias, layer as u32);
+                    ShadowView::new(clip, view.light, number, convention, bias, &self.estimator)
+                        .with_linear(&self.map.linear_depths()[layer])
                 }
             })
             .collect();
@@ -297,6 +328,9 @@ impl Technique for MapTechnique {
         }
         if let Some(refit) = &mut self.refit {
             refit.prepare(gpu, frame, &self.map)?;
+            if let Some((_, resolve)) = &mut self.resolve {
+                resolve.set_layout_group(refit.group());
+            }
         }
         if self.drawn_by.is_some() {
             caster_depth::triangles(frame.casters)?;
@@ -323,7 +357,7 @@ impl Technique for MapTechnique {
         visibility: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
         let read = self.read().cloned();
-        let (Some((_, resolve)), Some(read)) = (&mut self.resolve, read) else {
+        let (Some((layout, resolve)), Some(read)) = (&mut self.resolve, read) else {
             return Err(GpuError::Invalid {
                 what: "frame",
                 value: "not prepared".to_owned(),
@@ -333,8 +367,11 @@ impl Technique for MapTechnique {
         self.counters.clear();
         if let Some(refit) = &mut self.refit {
             refit.encode(gpu, frame, &self.map, resolve, recorder);
+            self.counters.extend(refit.counters());
         }
-        if !self.store.as_ref().is_some_and(|s| s.draws()) {
+        let is_drawn =
+            layout.drawing == Drawing::Pages || self.store.as_ref().is_some_and(|s| s.draws());
+        if !is_drawn {
             let mask = self.mask.as_mut();
             let masked = mask.and_then(|mask| Some((mask, frame.casters.clusters(gpu)?)));
             match (&self.drawn_by, masked) {
@@ -368,6 +405,9 @@ impl Technique for MapTechnique {
         if let Some(mask) = &self.mask {
             counters.insert("map_triangles", mask.read_triangles(gpu)?);
         }
+        if let Some(refit) = &self.refit {
+            counters.extend(refit.read_counters(gpu)?);
+        }
         if let Some(store) = &self.store {
             counters.extend(store.read_counters(gpu)?);
         }
@@ -392,7 +432,7 @@ fn one_texel(gpu: &Gpu, read: MapRead) -> Result<wgpu::TextureView, GpuError> {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: match read {
-                MapRead::Comparison | MapRead::Texels => ShadowMap::FORMAT,
+                MapRead::Comparison | MapRead::Gathered | MapRead::Texels => ShadowMap::FORMAT,
                 MapRead::Filtered => wgpu::TextureFormat::Rgba16Float,
                 MapRead::Unsigned => wgpu::TextureFormat::R32Uint,
             },

@@ -1,7 +1,8 @@
 //! A map of the nearest triangle behind each texel, as a store.
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Frame, Gpu, GpuError, Recorder, bind, entries, light_view_layout,
+    BindGroupCache, Counters, Frame, Gpu, GpuError, Layers, Recorder, bind, entries,
+    light_view_layout,
 };
 
 use crate::{DepthConvention, ShadowMap, Store, caster_depth};
@@ -17,19 +18,12 @@ pub struct TriangleMap {
     read_layout: wgpu::BindGroupLayout,
     read_group: BindGroupCache<Read>,
     light: wgpu::Buffer,
-    kept: Option<Kept>,
+    kept: Option<Layers>,
     counters: Counters,
 }
 
 /// Resources of the estimator's bind group.
 type Read = ([wgpu::Buffer; 3], [wgpu::TextureView; 2]);
-
-#[derive(Debug)]
-struct Kept {
-    size: u32,
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
-}
 
 impl TriangleMap {
     const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
@@ -92,42 +86,14 @@ impl TriangleMap {
     }
 }
 
-impl Kept {
-    fn new(gpu: &Gpu, size: u32, layers: u32) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "triangle map",
-            &wgpu::TextureDescriptor {
-                label: Some("triangle map"),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: TriangleMap::FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            },
-        )?;
-        let view = |dimension, base_array_layer, count| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(dimension),
-                base_array_layer,
-                array_layer_count: Some(count),
-                ..Default::default()
-            })
-        };
-        let whole = view(wgpu::TextureViewDimension::D2Array, 0, layers);
-        let each = (0..layers).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
-        Ok(Self { size, whole, each })
-    }
-}
-
 impl Store for TriangleMap {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
         let triangles = caster_depth::triangles(frame.casters)?;
         let layers = map.layer_views().len();
         if layers > 0 && self.kept.as_ref().is_none_or(|k| k.each.len() < layers) {
-            self.kept = Some(Kept::new(gpu, map.size(), layers as u32)?);
+            let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+            let count = (map.size(), layers as u32);
+            self.kept = Some(Layers::new(gpu, "triangle map", Self::FORMAT, count, usage)?);
         }
         if let Some(view) = map.views().first() {
             let light = view.light.as_vec4().to_array();
@@ -233,7 +199,6 @@ impl Store for TriangleMap {
     }
 
     fn bytes(&self) -> u64 {
-        let layers = |k: &Kept| k.each.len() as u64 * u64::from(k.size).pow(2) * 4;
-        self.kept.as_ref().map_or(0, layers)
+        self.kept.as_ref().map_or(0, Layers::bytes)
     }
 }

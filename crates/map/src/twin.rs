@@ -1,6 +1,7 @@
 //! The lookup of `common/lookup.wesl` in f64: its truth in tests.
 
 pub mod chart;
+pub mod scan_lines;
 
 use glam::{DMat4, DVec2, DVec3};
 

@@ -6,7 +6,7 @@
 //! pushed out until it holds every corner of the region and the whole light, so rounding and degenerate shapes cost
 //! tightness, never a caster.
 
-use antumbra_gpu::ViewCamera;
+use antumbra_gpu::{Frame, ViewCamera};
 use antumbra_scene::{Bounds, Light};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
@@ -19,6 +19,37 @@ pub struct VisibleRegion {
     body: Polytope,
     /// How far the region is widened on all sides, so that rounded view samples lie within it.
     pad: f64,
+}
+
+/// The boxes of a frame's bodies, in memory that is kept from frame to frame.
+#[derive(Debug, Default)]
+pub struct BodyBoxes {
+    receivers: Vec<Bounds>,
+    casters: Vec<Bounds>,
+}
+
+impl BodyBoxes {
+    /// Collects the boxes, and gives what the frame's camera can see of them; `None` where that is not known, and every
+    /// caster counts.
+    pub fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
+        let camera = frame.camera?;
+        let Self { receivers, casters } = self;
+        receivers.clear();
+        casters.clear();
+        let all = frame.casters.bodies(&mut |body| {
+            receivers.extend(body.parts);
+            if body.can_cast(frame.light) {
+                casters.extend(body.parts);
+            }
+        });
+        if all { VisibleRegion::new(&camera, receivers, frame.origin) } else { None }
+    }
+
+    /// The boxes (world space, metres) of what can cast shadows under that frame's light.
+    #[must_use]
+    pub fn casters(&self) -> &[Bounds] {
+        &self.casters
+    }
 }
 
 /// What reaches a part of the visible region.

@@ -16,8 +16,10 @@ mod edge;
 mod known;
 mod line;
 mod motion;
+mod sampled;
 mod seams;
 mod seen;
+mod storeys;
 mod topology;
 mod viewed;
 
@@ -368,6 +370,12 @@ pub const CASES: &[Case] = &[
         measure: viewed::caster_not_seen,
     },
     Case {
+        name: "HC-28 downstairs",
+        about: "a thousand cubes on the floor below are nothing to the shadows under a lamp upstairs",
+        number: "share of the samples upstairs that the cubes change",
+        measure: |gpu, technique, _| storeys::downstairs(gpu, technique),
+    },
+    Case {
         name: "HC-31 wire below a texel",
         about: "a wire of 0.4 texels across the texels' rows at 30 degrees",
         number: "mean visibility under the wire's axis",
@@ -396,6 +404,78 @@ pub const CASES: &[Case] = &[
         about: "the camera moves by 3 mm a frame over a field of boxes, and no shadow does",
         number: "largest mean change of visibility from one frame to the next",
         measure: |gpu, technique, _| motion::creeping_camera(gpu, technique),
+    },
+    Case {
+        name: "K1 plates of one size",
+        about: "plates from 4 m to 91 m, each as large on the screen as the others, above a floor",
+        number: FARTHEST,
+        measure: sampled::constant_plates,
+    },
+    Case {
+        name: "K2 tilted suns",
+        about: "the same under suns from behind the camera and before it, down to 5 degrees",
+        number: FARTHEST,
+        measure: sampled::tilted_suns,
+    },
+    Case {
+        name: "K3 light along the view",
+        about: "a plate before a wall with the sun at the viewer's back: the view's axis is a point in the map",
+        number: WRONG,
+        measure: sampled::light_along_the_view,
+    },
+    Case {
+        name: "K7 slab behind the camera",
+        about: "a slab 300 m up and 150 m behind the camera shadows the floor before it",
+        number: WRONG,
+        measure: sampled::slab_behind,
+    },
+    Case {
+        name: "K7 crossing triangle",
+        about: "a triangle of 1 km crosses the eye's plane and all depths of the view",
+        number: WRONG,
+        measure: sampled::crossing_triangle,
+    },
+    Case {
+        name: "K8 spot lights in view",
+        about: "spot lights that shine at the viewer, from behind, away ahead and down from above",
+        number: WRONG,
+        measure: sampled::spots,
+    },
+    Case {
+        name: "K9 nothing in view",
+        about: "no receiver in view, and then one pixel of one",
+        number: WRONG,
+        measure: |gpu, technique, _| sampled::nothing_in_view(gpu, technique),
+    },
+    Case {
+        name: "K10 flat depth",
+        about: "one wall fills the picture: a range of depths without length",
+        number: WRONG,
+        measure: sampled::flat_depth,
+    },
+    Case {
+        name: "K11 gap of depths",
+        about: "a thing in the hand, and a landscape from 400 m on",
+        number: WRONG,
+        measure: sampled::depth_gap,
+    },
+    Case {
+        name: "K15 turning camera",
+        about: "as HC-39, with a camera that turns by a hundredth of a degree a frame",
+        number: "largest mean change of visibility from one frame to the next",
+        measure: |gpu, technique, _| motion::turning_camera(gpu, technique),
+    },
+    Case {
+        name: "K17 edge across splits",
+        about: "a straight edge runs away from the eye through all depths",
+        number: FARTHEST,
+        measure: sampled::edge_across_splits,
+    },
+    Case {
+        name: "K20 long horizon",
+        about: "a near plane of 10 cm, and plates to 8 km",
+        number: FARTHEST,
+        measure: sampled::long_horizon,
     },
     Case {
         name: "HC-40 casters out of view",

@@ -84,9 +84,11 @@ impl<'a> Slices<'a> {
         let casters = [0, 1, 2].map(|i| along(&points, i));
         let (mut all, mut nearest) = (Bounds::EMPTY, f64::INFINITY);
         let place = eye.position + fitting.origin;
-        let known = frame.casters.receivers(&mut |b| {
-            all = all.union(b);
-            nearest = nearest.min(place.clamp(b.min, b.max).distance(place));
+        let known = frame.casters.bodies(&mut |body| {
+            all = all.union(body.bounds);
+            for part in body.parts {
+                nearest = nearest.min(place.clamp(part.min, part.max).distance(place));
+            }
         });
         if !known || all.is_empty() {
             return None;
@@ -139,9 +141,14 @@ impl<'a> Slices<'a> {
     /// One view for each cascade.
     pub(crate) fn views(&self) -> Vec<SeenView> {
         let light = self.to_light.extend(0.0);
+        let mut windows: Vec<_> =
+            (0..self.settings.count as usize).map(|i| self.windows(i)).collect();
+        if self.settings.select == Select::Map && self.settings.fit == CascadeFit::Steady {
+            self.tile(&mut windows);
+        }
         let mut views: Vec<SeenView> = Vec::new();
-        for i in 0..self.settings.count as usize {
-            let view = self.view(i).filter(|view| {
+        for (i, windows) in windows.iter().enumerate() {
+            let view = windows.as_ref().and_then(|windows| self.view(i, windows)).filter(|view| {
                 // By map, the first of two with the same window answers for both.
                 let same = |v: &SeenView| v.view.clip == view.view.clip;
                 self.settings.select == Select::Depth || !views.iter().any(same)
@@ -181,14 +188,23 @@ impl<'a> Slices<'a> {
         ((ends[i] - before) * (1.0 - PAD), ends[i + 1] * (1.0 + PAD))
     }
 
-    fn view(&self, i: usize) -> Option<SeenView> {
+    /// The half-spaces of slice `i`.
+    fn cone(&self, i: usize) -> [DVec4; 2] {
         let (near, far) = self.slice(i);
-        let slice = [self.eye.half_space(near, true), self.eye.half_space(far, false)];
-        let windows = match self.settings.fit {
-            CascadeFit::Steady => self.steady(near, far)?,
-            CascadeFit::Tight | CascadeFit::Warped => self.tight(&slice)?,
-        };
-        let uniform = self.matrix(&windows);
+        [self.eye.half_space(near, true), self.eye.half_space(far, false)]
+    }
+
+    fn windows(&self, i: usize) -> Option<[Window; 2]> {
+        let (near, far) = self.slice(i);
+        match self.settings.fit {
+            CascadeFit::Steady => self.steady(near, far),
+            CascadeFit::Tight | CascadeFit::Warped => self.tight(&self.cone(i)),
+        }
+    }
+
+    fn view(&self, i: usize, windows: &[Window; 2]) -> Option<SeenView> {
+        let ((near, far), slice) = (self.slice(i), self.cone(i));
+        let uniform = self.matrix(windows);
         let clip = match self.settings.fit {
             CascadeFit::Warped => {
                 let shine = Shine::Parallel { to_light: self.to_light, depths: self.depth_range() };
@@ -230,6 +246,37 @@ impl<'a> Slices<'a> {
         Some(windows)
     }
 
+    /// Cascades whose window is that around all that can be shadowed are as many maps as there are of the same: they
+    /// share its area out instead. Its tiles are where the scene is, and no camera moves them. A cascade before them that
+    /// is no finer than a tile takes part.
+    fn tile(&self, windows: &mut [Option<[Window; 2]>]) {
+        let coarser = |window: &Option<[Window; 2]>, grid: [usize; 2]| {
+            // Texels go by steps, of which a tile's may be one: rounding does not decide then.
+            let texel = |i: usize| self.part(i, 0, grid[i]).texel * (1.0 - 1e-9);
+            window.is_some_and(|w| w[0].texel >= texel(0) && w[1].texel >= texel(1))
+        };
+        let Some(mut first) = windows.iter().position(|w| coarser(w, [1, 1])) else { return };
+        let lengths = self.shared.map(|(from, to)| to - from);
+        while first > 0 && coarser(&windows[first - 1], tiles(lengths, windows.len() - first)) {
+            first -= 1;
+        }
+        let grid = tiles(lengths, windows.len() - first);
+        for (k, window) in windows[first..].iter_mut().enumerate() {
+            let (column, row) = (k % grid[0], k / grid[0]);
+            let part = || [self.part(0, column, grid[0]), self.part(1, row, grid[1])];
+            *window = (row < grid[1]).then(part);
+        }
+    }
+
+    /// Along row `i` of the basis, the window around part `k` of `count` equal ones of all that can be shadowed.
+    fn part(&self, i: usize, k: usize, count: usize) -> Window {
+        let (from, to) = self.shared[i];
+        let length = (to - from) / count as f64;
+        let texel = length.max(2.0 * self.least) / self.fitting.usable();
+        let middle = from + (k as f64 + 0.5) * length;
+        Window { left: middle - 0.5 * f64::from(self.fitting.size) * texel, texel }
+    }
+
     /// The window around what is seen in a slice and may be shadowed.
     fn tight(&self, slice: &[DVec4]) -> Option<[Window; 2]> {
         let along = |points: &[DVec3], i| span(points.iter().map(|p| self.basis.row(i).dot(*p)));
@@ -254,14 +301,11 @@ impl<'a> Slices<'a> {
     /// Along row `i` of the basis, the window of such texels whose guard band ends within one before `lo`, on a grid from
     /// the origin; or that around all that can be shadowed, which no camera changes, where it is no wider.
     fn window(&self, i: usize, lo: f64, texel: f64) -> Window {
-        let (size, guard) = (f64::from(self.fitting.size), f64::from(self.fitting.guard));
-        let (from, to) = self.shared[i];
-        let all = (to - from).max(2.0 * self.least) / self.fitting.usable();
-        if texel >= all {
-            Window { left: 0.5 * (from + to) - 0.5 * size * all, texel: all }
-        } else {
-            Window { left: ((lo / texel).floor() - guard) * texel, texel }
+        let all = self.part(i, 0, 1);
+        if texel >= all.texel {
+            return all;
         }
+        Window { left: ((lo / texel).floor() - f64::from(self.fitting.guard)) * texel, texel }
     }
 
     /// Depths, along the light, of the near and the far end: those of all casters, so that none is lost however far
@@ -290,6 +334,21 @@ impl<'a> Slices<'a> {
     }
 }
 
+/// Columns and rows of `most` tiles or fewer of an area with sides of these lengths, that make the longer side of a tile
+/// as short as it gets.
+fn tiles(lengths: [f64; 2], most: usize) -> [usize; 2] {
+    let mut grid = [1, 1];
+    loop {
+        let side = |i: usize| lengths[i] / grid[i] as f64;
+        let mut next = grid;
+        next[usize::from(side(1) > side(0))] += 1;
+        if next[0] * next[1] > most {
+            return grid;
+        }
+        grid = next;
+    }
+}
+
 /// A window along one axis of the light's plane.
 #[derive(Clone, Copy, Debug, Default)]
 struct Window {
@@ -297,4 +356,25 @@ struct Window {
     left: f64,
     /// Side of a texel, metres.
     texel: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_as_short_as_their_number_allows() {
+        for (lengths, most, expected) in [
+            ([1.0, 1.0], 1, [1, 1]),
+            ([1.0, 1.0], 2, [2, 1]),
+            ([1.0, 1.0], 3, [2, 1]),
+            ([1.0, 1.0], 4, [2, 2]),
+            ([1.0, 1.0], 8, [3, 2]),
+            ([4.0, 1.0], 4, [4, 1]),
+            ([1.0, 3.0], 8, [2, 4]),
+            ([0.0, 0.0], 4, [4, 1]),
+        ] {
+            assert_eq!(tiles(lengths, most), expected, "{most} of {lengths:?}");
+        }
+    }
 }

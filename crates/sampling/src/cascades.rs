@@ -144,6 +144,7 @@ impl Arrange for Cascading {
             slots: vec![
                 module("layout", select),
                 module("map::shadow", "sampling::cascade_shadow"),
+                module("map::looked_up", "sampling::cascade_looked_up"),
                 source("cascades", format!("const CASCADES: i32 = {count};")),
             ],
             views: count as usize + self.tail(),

@@ -19,7 +19,7 @@ mod warps;
 
 pub use cascades::{CascadeFit, Cascades, Select};
 pub use eye::Eye;
-pub use matched::{MatchedMap, ResolutionMatched};
+pub use matched::{MatchedPages, ResolutionMatched};
 pub use sdsm::Sdsm;
 pub use splits::Splits;
 pub use storage::Body;

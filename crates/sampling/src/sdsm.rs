@@ -19,9 +19,8 @@ use crate::{Eye, over_map};
 /// Sample distribution shadow maps (Lauritzen, Salvi, Lefohn 2011): cascades whose slices and windows are measured, on
 /// the GPU, from the view samples themselves. Nothing is read back: matrices are made where they are used.
 ///
-/// Each window holds the samples of its slice that casters may shadow, and no more than a texel's step beyond. Every
-/// cascade draws all casters that matter for what is seen, since the CPU does not know the windows. Serves directional
-/// light and perspective cameras; otherwise everything is as without cascades.
+/// Each window holds the samples of its slice that casters may shadow, and no more than a texel's step beyond. Serves
+/// directional light and perspective cameras; otherwise everything is as without cascades.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sdsm<E = Plain> {
@@ -35,11 +34,16 @@ pub struct Sdsm<E = Plain> {
     pub clusters: bool,
     /// Share of a map's half width at its end over which it hands over to the next, 0 to 0.5, default 0.1.
     pub blend: f32,
+    /// Draws into each cascade those clusters of triangles only that reach its window, chosen on the GPU since the CPU does
+    /// not know the windows; default true. Visibility does not change by a bit. Costs a pass over the clusters a cascade,
+    /// and room for the indices of all triangles; without it every cascade draws all casters that matter for what is seen.
+    /// For casters in clusters ([`antumbra_gpu::Casters::clusters`]).
+    pub cull: bool,
 }
 
 impl<E: Default> Default for Sdsm<E> {
     fn default() -> Self {
-        Self { of: E::default(), count: 4, clusters: false, blend: 0.1 }
+        Self { of: E::default(), count: 4, clusters: false, blend: 0.1, cull: true }
     }
 }
 
@@ -57,8 +61,8 @@ impl<E> Sdsm<E> {
             let fix = "use 0 to 0.5 of a cascade";
             return Err(GpuError::Invalid { what: "blend", value: self.blend.to_string(), fix });
         }
-        let &Self { of: _, count, clusters, blend } = self;
-        let settings = Sdsm { of: (), count, clusters, blend };
+        let &Self { of: _, count, clusters, blend, cull } = self;
+        let settings = Sdsm { of: (), count, clusters, blend, cull };
         Ok(Box::new(Measuring { settings, others }))
     }
 }
@@ -94,6 +98,7 @@ impl Arrange for Measuring {
             slots: vec![
                 module("layout", "sampling::cascade_by_map"),
                 module("map::shadow", "sampling::cascade_shadow"),
+                module("map::looked_up", "sampling::cascade_looked_up"),
                 source("cascades", format!("const CASCADES: i32 = {count};")),
             ],
             views: count as usize + 1,
@@ -242,8 +247,8 @@ impl Refit for Passes {
         // Samples beyond these depths count as at them. Receivers may be farther than casters, but what is shadowed
         // is seldom farther by more than twice.
         let mut far = 2.0 * casters;
-        frame.casters.receivers(&mut |b| {
-            let corners = b.corners().map(|p| (p - frame.origin).distance(eye.position));
+        frame.casters.bodies(&mut |body| {
+            let corners = body.bounds.corners().map(|p| (p - frame.origin).distance(eye.position));
             far = corners.into_iter().fold(far, f64::max);
         });
         let far = far.min(eye.far).max(eye.near * 2.0);
@@ -304,6 +309,10 @@ impl Refit for Passes {
             let groups = if *samples { (width.div_ceil(16), height.div_ceil(16)) } else { (1, 1) };
             pass.dispatch_workgroups(groups.0, groups.1, 1);
         }
+    }
+
+    fn culls(&self) -> bool {
+        self.settings.cull
     }
 
     fn bytes(&self) -> u64 {

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use grid::{Face, Grid};
 
 use grid::GridUniform;
-pub(crate) use grid::{BLOCK, Fitter};
+use grid::{BLOCK, Fitter};
 use lists::{Extent, Lists, Piece};
 
 /// Exact hard shadows by view-sample mapping, also irregular z-buffer or alias-free shadow maps (Aila, Laine 2004;

@@ -1,5 +1,6 @@
 //! Soft shadows of area lights from what the light's centre sees: percentage-closer soft shadows, by taps and by moments,
-//! back projection and occlusion bitmasks; and from images of slices of the casters: occlusion textures.
+//! back projection and occlusion bitmasks; from how deep in the centre's shadow a point lies, by a shadow-width map or a
+//! search; and from images of slices of the casters: occlusion textures.
 //!
 //! The former ask one question: which texels of the map lie between a receiver and the light. An occluder at the
 //! distance z from the light's plane does so within a window of half size `h (1/z - 1/z_p)`, in slopes, around a receiver
@@ -19,11 +20,15 @@ mod facing;
 mod occlusion;
 mod offset;
 mod pcss;
+mod radial_search;
+mod single_sample;
 mod slices;
 mod store;
 mod table;
 pub mod twin;
 mod vssm;
+mod width_map;
+mod width_store;
 mod window;
 
 pub use back_projection::BackProjection;
@@ -31,5 +36,8 @@ pub use bitmask::{Bitmask, Occluders, Samples};
 pub use facing::Facing;
 pub use occlusion::{Fusion, OcclusionTextures, Placement, Prefilter};
 pub use pcss::Pcss;
+pub use radial_search::RadialSearch;
+pub use single_sample::{SingleSample, WidthLookup, Widths};
 pub use vssm::Vssm;
+pub use width_map::WidthMap;
 pub use window::{Hierarchy, Window};

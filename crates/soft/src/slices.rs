@@ -1,11 +1,12 @@
 //! Casters in slices: an image of each, and its table of sums.
 
 use antumbra_gpu::{
-    Anchor, Beyond, BindGroupCache, BlurShader, Counters, Frame, Gpu, GpuError, LayerJob,
+    Anchor, Beyond, BindGroupCache, BlurShader, Counters, Frame, Gpu, GpuError, LayerJob, Layers,
     LightView, Pyramid, PyramidKind, Recorder, Sat, SatNumbers, SatShader, bind, entries,
     light_view_layout,
 };
 use antumbra_map::{DepthConvention, ShadowMap, Store};
+use antumbra_scene::Bounds;
 use glam::{DMat4, DVec3, DVec4, Mat4};
 
 use crate::occlusion::{MAX_SLICES, OcclusionTextures, Prefilter};
@@ -41,7 +42,7 @@ pub(crate) struct SliceStore {
     matrices: wgpu::Buffer,
     matrix_group: wgpu::BindGroup,
     stride: u32,
-    images: Option<Images>,
+    images: Option<Layers>,
     averages: Averages,
     jobs: Vec<LayerJob>,
     drawn: Vec<Slice>,
@@ -85,10 +86,12 @@ impl Averages {
         }
     }
 
-    fn prepare(&mut self, gpu: &Gpu, images: &Images, jobs: &[LayerJob]) -> Result<(), GpuError> {
+    fn prepare(&mut self, gpu: &Gpu, images: &Layers, jobs: &[LayerJob]) -> Result<(), GpuError> {
         match self {
-            Self::Table(sat) => sat.prepare(gpu, &images.whole, images.size, jobs),
-            Self::Levels(levels) => levels.prepare(gpu, &images.whole, images.size, jobs),
+            Self::Table(sat) => sat.prepare(gpu, &images.whole, images.texture.width(), jobs),
+            Self::Levels(levels) => {
+                levels.prepare(gpu, &images.whole, images.texture.width(), jobs)
+            }
         }
     }
 
@@ -119,13 +122,6 @@ impl Averages {
             Self::Levels(levels) => levels.bytes(),
         }
     }
-}
-
-#[derive(Debug)]
-struct Images {
-    size: u32,
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
 }
 
 impl SliceStore {
@@ -171,7 +167,7 @@ impl SliceStore {
             averages: Averages::new(gpu, config.prefilter)?,
             jobs: Vec::new(),
             drawn: Vec::new(),
-            nothing: Images::new(gpu, 1, 1)?.whole,
+            nothing: images(gpu, 1, 1)?.whole,
             group: BindGroupCache::default(),
             is_hard: true,
             counters: Counters::new(),
@@ -182,8 +178,8 @@ impl SliceStore {
     fn place(&mut self, frame: &Frame<'_>, map: &ShadowMap) -> Vec<ViewSlices> {
         let light = frame.light;
         let center = light.position().map_or(DVec3::ZERO, |p| p - frame.origin);
-        let mut receivers = Vec::new();
-        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
+        let mut receivers = Vec::<Bounds>::new();
+        if !frame.casters.bodies(&mut |body| receivers.extend(body.parts)) {
             receivers.clear();
         }
         let mut all = Vec::new();
@@ -276,16 +272,15 @@ impl Store for SliceStore {
             let slices = self.place(frame, map);
             gpu.queue.write_buffer(&self.slices, 0, bytemuck::cast_slice(&slices));
             let layers = self.drawn.len() as u32;
-            let fits = |i: &&Images| i.size == map.size() && i.each.len() as u32 >= layers;
             let images = match self.images.take() {
-                Some(images) if fits(&&images) => images,
+                Some(images) if images.has_room(map.size(), layers as usize) => images,
                 _ => {
                     let limit = gpu.device.limits().max_texture_array_layers;
                     if layers > limit {
                         let (asked, limit) = (layers.into(), limit.into());
                         return Err(GpuError::Limit { what: "slices of all views", asked, limit });
                     }
-                    Images::new(gpu, map.size(), layers)?
+                    images(gpu, map.size(), layers)?
                 }
             };
             let job = |source| LayerJob { source, ..LayerJob::default() };
@@ -386,9 +381,7 @@ impl Store for SliceStore {
     }
 
     fn bytes(&self) -> u64 {
-        let images =
-            self.images.as_ref().map_or(0, |i| 4 * i.each.len() as u64 * u64::from(i.size).pow(2));
-        images
+        self.images.as_ref().map_or(0, Layers::bytes)
             + self.averages.bytes()
             + self.light.size()
             + self.slices.size()
@@ -396,33 +389,7 @@ impl Store for SliceStore {
     }
 }
 
-impl Images {
-    fn new(gpu: &Gpu, size: u32, layers: u32) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "slices",
-            &wgpu::TextureDescriptor {
-                label: Some("slices"),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: ShadowMap::FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            },
-        )?;
-        let view = |dimension, base_array_layer, count| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                label: Some("slices"),
-                dimension: Some(dimension),
-                base_array_layer,
-                array_layer_count: Some(count),
-                ..Default::default()
-            })
-        };
-        let whole = view(wgpu::TextureViewDimension::D2Array, 0, layers);
-        let each = (0..layers).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
-        Ok(Self { size, whole, each })
-    }
+fn images(gpu: &Gpu, size: u32, count: u32) -> Result<Layers, GpuError> {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+    Layers::new(gpu, "slices", ShadowMap::FORMAT, (size, count), usage)
 }

@@ -160,7 +160,7 @@ impl AreaStore {
 }
 
 /// A light with an extent is seen through views that are orthographic for a sun and else keep depth as 1 / distance.
-fn refuse_warps(light: &Light, map: &ShadowMap) -> Result<(), GpuError> {
+pub(crate) fn refuse_warps(light: &Light, map: &ShadowMap) -> Result<(), GpuError> {
     let is_sun = matches!(light, Light::Directional { .. });
     let row = if is_sun { 3 } else { 2 };
     let clips = map.views().iter().filter_map(|view| view.clip);

@@ -1,14 +1,15 @@
 //! The passes that draw faces of volumes, count them at each view sample, and turn counts into visibility.
 
 use antumbra_gpu::{
-    BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind, read_buffer,
+    BindGroupCache, CasterTriangles, Counters, Gpu, GpuError, Recorder, ViewSamples, bind,
+    read_buffer,
 };
-use glam::{DVec4, Vec4};
+use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
 use crate::VolumeFaces;
 use crate::doubtful::Doubtful;
-use crate::light::Perspective;
+use crate::light::Viewer;
 use pipelines::{draw_layout, faces_pipeline, resolve_layout, stencil_state};
 
 mod pipelines;
@@ -63,6 +64,7 @@ struct ViewUniform {
     rows: [[f32; 4]; 3],
     light: [f32; 4],
     eye: [f32; 4],
+    begin: [f32; 4],
     how: [f32; 4],
     cast: [[f32; 4]; 4],
 }
@@ -71,7 +73,7 @@ struct ViewUniform {
 #[derive(Clone, Copy)]
 pub(crate) struct Request<'a> {
     pub(crate) samples: &'a ViewSamples,
-    pub(crate) view: Perspective,
+    pub(crate) view: Viewer,
     pub(crate) light: Vec4,
     /// w of the plane from which on faces in front of samples count, 0 for all after the eye.
     pub(crate) near: f64,
@@ -182,17 +184,16 @@ impl Counting {
         triangles: u32,
     ) -> Result<(), GpuError> {
         let Request { samples, view, light, near, eye, contact } = *request;
-        let rows = view.camera.clip.transpose();
-        let row = |row: DVec4| row.truncate().as_vec3().extend(0.0).to_array();
         let uniform = ViewUniform {
-            rows: [rows.x_axis, rows.y_axis, rows.w_axis].map(row),
+            rows: view.rows(),
             light: light.to_array(),
-            eye: view.camera.eye.as_vec3().extend(1.0).to_array(),
+            eye: view.eye.as_vec4().to_array(),
+            begin: view.camera.eye.as_vec3().extend(1.0).to_array(),
             how: [near as f32, contact, 0.0, 0.0],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));
-        self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact);
+        self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact)?;
         if self.target.as_ref().is_none_or(|t| t.size != samples.size()) {
             self.target = Some(Target::new(gpu, samples.size(), self.counter)?);
         }
@@ -204,11 +205,17 @@ impl Counting {
         &self.eye_count
     }
 
-    /// How many samples of the last submitted frame were in doubt, so that all triangles were asked. Waits.
+    /// How many samples of the last submitted frame were in doubt, and how many batches of triangles tiles of them asked.
+    /// Waits.
     ///
     /// # Errors
     /// A lost device.
-    pub(crate) fn read_doubts(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+    pub(crate) fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let asked = self.doubtful.batches.read_asked(gpu)?;
+        Ok(Counters::from([("doubtful_samples", self.read_doubts(gpu)?), ("asked_batches", asked)]))
+    }
+
+    fn read_doubts(&self, gpu: &Gpu) -> Result<u64, GpuError> {
         let Some(target) = &self.target else { return Ok(0) };
         let (width, height) = target.size;
         // Rows in buffers begin at multiples of 256 bytes.
@@ -363,7 +370,8 @@ impl Counting {
     /// Bytes of the counters.
     pub(crate) fn bytes(&self) -> u64 {
         let texels = |t: &Target| u64::from(t.size.0) * u64::from(t.size.1);
-        self.target.as_ref().map_or(0, |t| t.counts.size() + 2 * texels(t))
+        let counters = self.target.as_ref().map_or(0, |t| t.counts.size() + 2 * texels(t));
+        counters + self.doubtful.batches.bytes()
     }
 }
 

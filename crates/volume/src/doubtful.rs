@@ -1,10 +1,11 @@
-//! The pass that asks all triangles for the samples whose counts rounding might decide.
+//! The pass that asks the triangles themselves for the samples whose counts rounding might decide.
 
 use antumbra_gpu::{
     BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, ViewSamples, bind, entries,
 };
 use glam::Vec4;
 
+use crate::batches::Batches;
 use crate::count::{Counter, Eye};
 use crate::triangles::MakeUniform;
 
@@ -14,7 +15,8 @@ pub(crate) struct Doubtful {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     uniform: wgpu::Buffer,
-    group: BindGroupCache<([wgpu::Buffer; 4], [wgpu::TextureView; 4])>,
+    pub(crate) batches: Batches,
+    group: BindGroupCache<([wgpu::Buffer; 6], [wgpu::TextureView; 4])>,
 }
 
 impl Doubtful {
@@ -36,6 +38,8 @@ impl Doubtful {
                 entries::texels(6, CS, false),
                 entries::write_storage(7, CS),
                 entries::storage(8, CS),
+                entries::storage(9, CS),
+                entries::write_storage(10, CS),
             ],
         });
         let wgsl = antumbra_shaders::link("volume::doubtful", &[])?;
@@ -47,19 +51,24 @@ impl Doubtful {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        Ok(Self { pipeline, layout, uniform, group: BindGroupCache::default() })
+        let batches = Batches::new(gpu, false)?;
+        Ok(Self { pipeline, layout, uniform, batches, group: BindGroupCache::default() })
     }
 
     /// Uploads what the pass needs to know.
+    ///
+    /// # Errors
+    /// A failed allocation.
     pub(crate) fn prepare(
-        &self,
+        &mut self,
         gpu: &Gpu,
         triangles: u32,
         light: Vec4,
         eye: Eye,
         counter: Counter,
         contact: f32,
-    ) {
+    ) -> Result<(), GpuError> {
+        self.batches.prepare(gpu, triangles, light)?;
         let mask = match counter {
             Counter::Wide => 0,
             Counter::Stencil => 0xff,
@@ -70,6 +79,7 @@ impl Doubtful {
             how: [triangles, mask, (eye != Eye::Apart).into(), (eye == Eye::Added).into()],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        Ok(())
     }
 
     /// Records the pass: corrects `counts` and `visibility` where there are `doubts`.
@@ -82,7 +92,10 @@ impl Doubtful {
         [counts, eye_count]: [&wgpu::Buffer; 2],
         [doubts, visibility]: [&wgpu::TextureView; 2],
     ) {
-        let buffers = [triangles.positions, triangles.indices, counts, eye_count].map(Clone::clone);
+        self.batches.encode(gpu, recorder, triangles);
+        let [boxes, asked] = self.batches.buffers();
+        let buffers = [triangles.positions, triangles.indices, counts, eye_count, boxes, asked]
+            .map(Clone::clone);
         let views = [&samples.positions_view, &samples.normals_view, visibility, doubts];
         let key = (buffers, views.map(Clone::clone));
         let group = self.group.get(key, |(buffers, views)| {
@@ -99,6 +112,8 @@ impl Doubtful {
                     bind::texture(6, &views[3]),
                     bind::buffer(7, &buffers[2]),
                     bind::buffer(8, &buffers[3]),
+                    bind::buffer(9, &buffers[4]),
+                    bind::buffer(10, &buffers[5]),
                 ],
             })
         });

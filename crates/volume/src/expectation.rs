@@ -37,6 +37,7 @@ fn is_seen(case: &str) -> Option<()> {
             | "HC-03 grazing plane"
             | "HC-03 grazing plane, diagonal"
             | "HC-14 far from the origin"
+            | "HC-28 downstairs"
             | "HC-15 eye in shadow"
             | "HC-16 boundary near the eye"
             | "HC-16 boundary through the eye"

@@ -5,6 +5,7 @@
 //! a line from it (Heidmann 1991).
 
 mod auto;
+mod batches;
 mod containment;
 mod count;
 mod cull;

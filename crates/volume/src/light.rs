@@ -39,16 +39,29 @@ pub(crate) fn triangles<'a>(frame: &Frame<'a>) -> Result<CasterTriangles<'a>, Gp
     })
 }
 
-/// A camera whose lines of sight meet in an eye.
+/// A camera, and where its lines of sight come from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Perspective {
+pub(crate) struct Viewer {
     /// The camera.
     pub(crate) camera: ViewCamera,
-    /// w of the near plane.
+    /// The eye relative to the frame's origin and 1, or the unit direction to where parallel lines of sight come from
+    /// and 0.
+    pub(crate) eye: DVec4,
+    /// w of the near plane; 0 where lines of sight are parallel.
     pub(crate) near: f64,
 }
 
-impl Perspective {
+impl Viewer {
+    /// What clip space makes of the way from the eye, and of the eye itself: rows of x, y and w.
+    pub(crate) fn rows(&self) -> [[f32; 4]; 3] {
+        let rows = self.camera.clip.transpose();
+        // Where lines meet in the eye, that is nowhere in the picture.
+        let parallel = self.eye.w == 0.0;
+        let at = |row: DVec4| if parallel { row.dot(self.camera.eye.extend(1.0)) } else { 0.0 };
+        [rows.x_axis, rows.y_axis, rows.w_axis]
+            .map(|row| row.truncate().extend(at(row)).as_vec4().to_array())
+    }
+
     /// Points to clip space by way of the camera's near plane, onto which the light casts them: the first stage of
     /// ZP+ (Hornus, Hoberock, Lefebvre and Hart 2005), in homogeneous form for both kinds of light.
     ///
@@ -74,23 +87,21 @@ impl Perspective {
 /// The frame's camera.
 ///
 /// # Errors
-/// A frame without a camera, or with an orthographic one.
-pub(crate) fn perspective(frame: &Frame<'_>) -> Result<Perspective, GpuError> {
+/// A frame without a camera, or with one that shows nothing.
+pub(crate) fn viewer(frame: &Frame<'_>) -> Result<Viewer, GpuError> {
     let invalid = |value: String, fix| GpuError::Invalid { what: "camera", value, fix };
     let without_camera = "give the frame its camera, or use `volume/triangle`, which needs none";
     let camera = frame.camera.ok_or_else(|| invalid("none".to_owned(), without_camera))?;
     let rows = camera.clip.transpose();
     let [x, y, w] = [rows.x_axis, rows.y_axis, rows.w_axis].map(DVec4::truncate);
-    let fix = "use a perspective camera, or `volume/triangle`, which needs none";
-    // Lines of sight that are parallel have no eye, and w = 1 all over the picture.
-    if w == DVec3::ZERO {
-        return Err(invalid("orthographic".to_owned(), fix));
-    }
-    let det = DMat3::from_cols(x, y, w).determinant();
+    let fix = "give an invertible matrix and the eye before it, or use `volume/triangle`, which needs none";
+    let eye = camera.homogeneous_eye();
+    let (third, near) = if eye.w == 0.0 { (eye.truncate(), 0.0) } else { (w, near(&camera)) };
+    let det = DMat3::from_cols(x, y, third).determinant();
     if !(det.is_finite() && det != 0.0 && camera.eye.is_finite()) {
         return Err(invalid(format!("{}", camera.clip), fix));
     }
-    Ok(Perspective { camera, near: near(&camera) })
+    Ok(Viewer { camera, eye, near })
 }
 
 /// w of the plane of depth 0 or 1 that is nearer to the eye, in the middle of the picture.

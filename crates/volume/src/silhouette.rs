@@ -14,7 +14,7 @@ use antumbra_gpu::{
     BindGroupCache, CasterEdges, CasterTriangles, Gpu, GpuError, Recorder, Scan, ViewSamples, bind,
     entries, read_buffer,
 };
-use glam::{DVec3, Vec4};
+use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
 use crate::receivers::{Receivers, storage};
@@ -57,8 +57,9 @@ struct Params {
 pub struct FaceRequest<'a> {
     /// The light, homogeneous, relative to the frame's origin.
     pub light: Vec4,
-    /// Position of the eye relative to the frame's origin, metres.
-    pub eye: DVec3,
+    /// The eye, homogeneous: its position relative to the frame's origin, metres, and 1, or the unit direction to where
+    /// parallel lines of sight come from and 0.
+    pub eye: Vec4,
     /// Which faces of a volume are counted.
     pub method: Method,
     /// Whether a side that several volumes have stands in the list as often, for counters that step by one.
@@ -248,17 +249,12 @@ impl Silhouettes {
 
     fn params(&self, [triangles, edges, bodies]: [u32; 3], request: &FaceRequest<'_>) -> Params {
         let halve = matches!(self.meshes, Meshes::Watertight | Meshes::Mixed);
-        let method = match request.method {
-            Method::Behind => 0,
-            Method::InFront => 1,
-            Method::Choose => 2,
-        };
         let (width, height) = request.receivers.map_or((0, 0), ViewSamples::size);
         let cull = request.receivers.is_some();
         Params {
             light: request.light.to_array(),
-            eye: request.eye.as_vec3().extend(1.0).to_array(),
-            how: [triangles, edges, bodies, method],
+            eye: request.eye.to_array(),
+            how: [triangles, edges, bodies, request.method.number()],
             list: [VolumeFaces::VERTICES, request.by_ones.into(), halve.into(), cull.into()],
             view: [width, height, 0, 0],
         }

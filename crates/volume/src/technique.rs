@@ -5,7 +5,7 @@ use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder, Technique};
 use crate::VolumeFaces;
 use crate::count::{Counter, Counting, Draw, Eye, Request};
 use crate::cull::Cull;
-use crate::light::{contact, homogeneous_light, perspective, triangles};
+use crate::light::{Viewer, contact, homogeneous_light, triangles, viewer};
 use crate::triangles::{Method, TriangleFaces, TrianglePass};
 
 /// How a [`VolumeTechnique`] counts.
@@ -86,20 +86,36 @@ impl VolumeTechnique {
     }
 }
 
+/// w of the near plane.
+///
+/// # Errors
+/// Parallel lines of sight.
+fn near_plane(view: &Viewer) -> Result<f64, GpuError> {
+    if view.eye.w == 0.0 {
+        return Err(GpuError::Invalid {
+            what: "camera",
+            value: "orthographic".to_owned(),
+            fix: "use a perspective camera, or `volume/counter`, which does without the near plane",
+        });
+    }
+    Ok(view.near)
+}
+
 impl Technique for VolumeTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let triangles = triangles(frame)?;
-        let view = perspective(frame)?;
+        let view = viewer(frame)?;
+        let eye = view.eye.as_vec4();
         let light = homogeneous_light(frame);
         let method = self.how.method;
-        self.producer.prepare(gpu, &triangles, light, view.camera.eye, method, &mut self.faces)?;
+        self.producer.prepare(gpu, &triangles, light, eye, method, &mut self.faces)?;
         if let Some(cull) = &mut self.cull {
             cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
         }
-        if let Some(eye) = &mut self.eye {
-            eye.prepare(gpu, triangles.triangles, light, view.camera.eye, method);
+        if let Some(pass) = &mut self.eye {
+            pass.prepare(gpu, triangles.triangles, light, eye, method.number());
         }
-        let near = if self.how.start == Start::NearPlane { view.near } else { 0.0 };
+        let near = if self.how.start == Start::NearPlane { near_plane(&view)? } else { 0.0 };
         let request = Request {
             samples: frame.samples,
             view,
@@ -164,7 +180,7 @@ impl Technique for VolumeTechnique {
 
     fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
         let mut counters = self.counters();
-        counters.extend([("doubtful_samples", self.counting.read_doubts(gpu)?)]);
+        counters.extend(self.counting.read_counters(gpu)?);
         if let Some(cull) = &self.cull {
             counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
         }

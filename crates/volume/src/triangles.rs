@@ -1,7 +1,7 @@
 //! One volume for each triangle: the simplest producer of faces, right for any soup of triangles.
 
 use antumbra_gpu::{BindGroupCache, CasterTriangles, Gpu, GpuError, Recorder, bind, entries};
-use glam::{DVec3, Vec4};
+use glam::Vec4;
 
 use crate::VolumeFaces;
 
@@ -14,6 +14,17 @@ pub enum Method {
     InFront,
     /// Those in front of it for volumes that certainly do not contain the eye, else those behind it.
     Choose,
+}
+
+impl Method {
+    /// As the shaders have it.
+    pub(crate) fn number(self) -> u32 {
+        match self {
+            Self::Behind => 0,
+            Self::InFront => 1,
+            Self::Choose => 2,
+        }
+    }
 }
 
 /// A compute pass with one invocation a triangle.
@@ -86,25 +97,13 @@ impl TrianglePass {
         Ok(Self { name, pipeline, layout, uniform, group, dispatch: [0; 2] })
     }
 
-    pub(crate) fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        triangles: u32,
-        light: Vec4,
-        eye: DVec3,
-        method: Method,
-    ) {
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, triangles: u32, light: Vec4, eye: Vec4, how: u32) {
         let row;
         (self.dispatch, row) = dispatch(gpu, triangles);
-        let method = match method {
-            Method::Behind => 0,
-            Method::InFront => 1,
-            Method::Choose => 2,
-        };
         let uniform = MakeUniform {
             light: light.to_array(),
-            eye: eye.as_vec3().extend(1.0).to_array(),
-            how: [triangles, method, row, 0],
+            eye: eye.to_array(),
+            how: [triangles, how, row, 0],
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
@@ -150,7 +149,8 @@ impl TriangleFaces {
     }
 
     /// Uploads what the pass needs to know, and makes `faces` anew where they have no room. `light` is homogeneous
-    /// ([`crate::homogeneous_light`]), `eye` relative to the frame's origin.
+    /// ([`crate::homogeneous_light`]), as is `eye`: a position relative to the frame's origin and 1, or the unit
+    /// direction to where parallel lines of sight come from and 0.
     ///
     /// # Errors
     /// More triangles than one buffer takes faces.
@@ -159,7 +159,7 @@ impl TriangleFaces {
         gpu: &Gpu,
         triangles: &CasterTriangles<'_>,
         light: Vec4,
-        eye: DVec3,
+        eye: Vec4,
         method: Method,
         faces: &mut Option<VolumeFaces>,
     ) -> Result<(), GpuError> {
@@ -169,7 +169,7 @@ impl TriangleFaces {
             None => faces.insert(VolumeFaces::new(gpu, count.saturating_mul(3), count)?),
         };
         faces.set_draws(gpu, 3 * count, count);
-        self.0.prepare(gpu, count, light, eye, method);
+        self.0.prepare(gpu, count, light, eye, method.number());
         Ok(())
     }
 

@@ -196,21 +196,25 @@ fn what_a_technique_cannot_serve_it_refuses_with_a_remedy() {
         );
         assert!(error.to_string().contains("volume/triangle"), "{error}");
     }
-    // Parallel lines of sight, straight down.
+    // Parallel lines of sight, straight down: there is a near plane, but no eye from which ZP+ could see it.
     let clip = DMat4::from_rows(
         DVec4::new(0.5, 0.0, 0.0, 0.0),
         DVec4::new(0.0, 0.0, -0.5, 0.0),
-        DVec4::new(0.0, -0.05, 0.0, 0.25),
+        DVec4::new(0.0, 0.05, 0.0, 0.5),
         DVec4::W,
     );
-    let view = ViewCamera { clip, eye: DVec3::new(0.3, 5.0, 0.2) };
-    let parallel = Stage::seen_by(&gpu, &scene, &view, 16, 16).expect("a stage");
-    for config in [&ZFail::default() as &dyn TechniqueConfig, &Silhouette::default()] {
-        let mut technique = config.build(&gpu).expect("built");
-        let error = parallel.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no eye");
-        let text = error.to_string();
-        assert!(text.contains("orthographic") && text.contains("volume/triangle"), "{text}");
-    }
+    let view = ViewCamera { clip, eye: DVec3::new(0.3, 10.0, 0.2) };
+    let mut parallel = Stage::seen_by(&gpu, &scene, &view, 16, 16).expect("a stage");
+    let mut technique = ZpPlus::default().build(&gpu).expect("built");
+    let error = parallel.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no eye");
+    let text = error.to_string();
+    assert!(text.contains("orthographic") && text.contains("volume/counter"), "{text}");
+    // A camera that shows nothing.
+    let flat = DMat4::from_rows(DVec4::X, DVec4::X, DVec4::Y, DVec4::W);
+    parallel.set_camera(Some(ViewCamera { clip: flat, ..view }));
+    let mut technique = ZFail::default().build(&gpu).expect("built");
+    let error = parallel.shoot(&gpu, &light, technique.as_mut(), 0).expect_err("no picture");
+    assert!(error.to_string().contains("invertible"), "{error}");
     let wide = Light::Spot { position: 4.0 * DVec3::Y, direction: DVec3::NEG_Y, outer_angle: 1.8 };
     for config in configs.iter().chain(&[&Triangle::default() as &dyn TechniqueConfig]) {
         let mut technique = config.build(&gpu).expect("built");

@@ -4,6 +4,7 @@ mod group;
 mod images;
 mod plan;
 mod scaling;
+mod scaling_volumes;
 mod stability;
 
 use std::time::Instant;

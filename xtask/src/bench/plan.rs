@@ -9,7 +9,7 @@ use antumbra_filter::{
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
-use antumbra_soft::{Bitmask, Occluders, Pcss};
+use antumbra_soft::{Bitmask, Occluders, Pcss, SingleSample, Widths};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -34,6 +34,8 @@ pub(super) struct Subject {
     pub(super) slug: String,
     /// The scene, with its ground.
     pub(super) scene: Scene,
+    /// The techniques that it is for, of those that are measured; all where there is none.
+    pub(super) only: &'static [&'static str],
 }
 
 /// Everything that will be measured, and how.
@@ -51,7 +53,7 @@ const QUICK_SCENES: [&str; 8] =
     ["half-plane", "sphere", "thin-wall", "fence", "tree", "terrain", "hall", "street"];
 /// Techniques of the quick suite: the plain map, one that avoids its bias, what filters it, and what puts its samples
 /// elsewhere. Shadow volumes of every triangle would take most of its time on a software device: ask for them by name.
-const QUICK_TECHNIQUES: [&str; 12] = [
+pub(super) const QUICK_TECHNIQUES: [&str; 12] = [
     "map/plain",
     "map/midpoint",
     "filter/pcf-hardware",
@@ -63,6 +65,15 @@ const QUICK_TECHNIQUES: [&str; 12] = [
     "filter/evsm",
     "filter/msm",
     "sampling/cascades",
+    "sampling/view-samples",
+];
+/// Techniques of the scaling suite, beside those of the quick one: one map and what puts its samples elsewhere.
+pub(super) const PLACED: [&str; 6] = [
+    "map/plain",
+    "sampling/lispsm",
+    "sampling/cascades",
+    "sampling/sdsm",
+    "sampling/matched",
     "sampling/view-samples",
 ];
 const HARD_LIGHTS: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
@@ -95,7 +106,7 @@ impl Plan {
             (Suite::Stability, _) => {
                 bail!("the stability suite has scenes of its own; leave out --scene")
             }
-            (Suite::Scaling, []) => vec![scaling::subject()],
+            (Suite::Scaling, []) => scaling::subjects(args.technique.is_empty()),
             _ => subjects(args, full)?,
         };
         Ok(Self { scenes, lights, techniques, settings, dump_mesh: args.dump_mesh })
@@ -129,9 +140,13 @@ fn entries() -> Vec<Entry> {
     let masked = MapConfig { receiver_mask: true, ..MapConfig::default() };
     let grid = |layout| Config::PcfGrid(PcfGrid { map: omni(layout), ..Default::default() });
     let cascades = |fit, select| Config::Cascades(Cascades { fit, select, ..Default::default() });
+    let over = |of| Config::Cascades(Cascades { of: Box::new(of), ..Default::default() });
+    let one_tap = PcfBilinearGrid { side: 1, ..Default::default() };
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let single =
+        |widths, scale| Config::SingleSample(SingleSample { widths, scale, ..Default::default() });
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
@@ -146,10 +161,7 @@ fn entries() -> Vec<Entry> {
             variant("paraboloid", grid(Omni::DualParaboloid)),
             variant("5", Config::PcfGrid(PcfGrid { side: 5, ..Default::default() })),
             variant("7", Config::PcfGrid(PcfGrid { side: 7, ..Default::default() })),
-            variant(
-                "1",
-                Config::PcfBilinearGrid(PcfBilinearGrid { side: 1, ..Default::default() }),
-            ),
+            variant("1", Config::PcfBilinearGrid(one_tap)),
             variant(
                 "5",
                 Config::PcfBilinearGrid(PcfBilinearGrid { side: 5, ..Default::default() }),
@@ -165,22 +177,18 @@ fn entries() -> Vec<Entry> {
             variant("closed", bitmask(Occluders::ClosedMicropatch)),
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
+            variant("euclidean", single(Widths::Euclidean, 1.0)),
+            variant("city-block", single(Widths::CityBlock, 1.0)),
+            variant("harder", single(Widths::Doubling, 2.0)),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
             variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
             variant("tight", cascades(CascadeFit::Tight, Select::Map)),
             variant("warped", cascades(CascadeFit::Warped, Select::Map)),
             variant("by-depth", cascades(CascadeFit::Steady, Select::Depth)),
-            variant(
-                "pcf",
-                Config::Cascades(Cascades {
-                    of: Box::new(Config::PcfBilinearGrid(PcfBilinearGrid {
-                        side: 1,
-                        ..Default::default()
-                    })),
-                    ..Default::default()
-                }),
-            ),
+            variant("pcf", over(Config::PcfBilinearGrid(one_tap))),
+            variant("pcss", over(Config::Pcss(Pcss::default()))),
+            variant("bitmask", over(Config::Bitmask(Bitmask::default()))),
         ])
         .collect()
 }
@@ -190,7 +198,8 @@ fn belongs(entry: &Entry, suite: Suite) -> bool {
     match suite {
         Suite::Full => true,
         Suite::Stability => entry.name == entry.config.id(),
-        Suite::Quick | Suite::Scaling => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Quick => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
+        Suite::Scaling => belongs(entry, Suite::Quick) || PLACED.contains(&entry.name.as_str()),
     }
 }
 
@@ -230,7 +239,7 @@ fn subjects(args: &BenchArgs, full: bool) -> anyhow::Result<Vec<Subject>> {
         let (scene, stem) = open_scene(&name, args.ground)?;
         let taken = subjects.iter().filter(|s| s.slug.starts_with(&stem)).count();
         let slug = if taken == 0 { stem } else { format!("{stem}~{taken}") };
-        subjects.push(Subject { name, slug, scene });
+        subjects.push(Subject { name, slug, scene, only: &[] });
     }
     Ok(subjects)
 }
@@ -313,6 +322,14 @@ mod tests {
         let quick = select_techniques(&[], Suite::Quick).expect("no pattern, no error");
         let names: Vec<_> = quick.iter().map(|e| e.name.as_str()).collect();
         assert_eq!(names.len(), QUICK_TECHNIQUES.len(), "{names:?}");
+    }
+
+    #[test]
+    fn every_technique_of_the_scaling_suite_exists() {
+        let scaling = select_techniques(&[], Suite::Scaling).expect("no pattern, no error");
+        for name in PLACED {
+            assert!(scaling.iter().any(|e| e.name == name), "{name}");
+        }
     }
 
     #[test]

@@ -1,16 +1,18 @@
-//! The scaling suite: error and time against the size of the map, and against the side of a filter.
+//! The scaling suite: error and time against the size of the map, against the side of a filter, and of shadow volumes
+//! against what they are made of.
 
 use antumbra::Config;
 use antumbra_gpu::Gpu;
 use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{Comparison, Truth, TruthOptions};
 use antumbra_scene::Light;
-use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane};
+use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane, street};
 use anyhow::Context as _;
 use glam::DAffine3;
 use indicatif::ProgressBar;
 
-use super::plan::{Entry, Plan, Subject};
+use super::plan::{Entry, PLACED, Plan, QUICK_TECHNIQUES, Subject};
+use super::scaling_volumes;
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
 /// Sides of the map, texels.
@@ -26,14 +28,31 @@ struct Sweep {
     entries: Vec<Entry>,
 }
 
-fn sweeps(plan: &Plan) -> Vec<Sweep> {
+fn has_map(entry: &Entry) -> bool {
+    let mut sized = entry.config.clone();
+    MAP_SIZES.iter().any(|size| {
+        sized.set_map_size(*size);
+        sized != entry.config
+    })
+}
+
+fn sweeps(plan: &Plan, subject: &Subject) -> Vec<Sweep> {
+    let wanted = |e: &&Entry| subject.only.is_empty() || subject.only.contains(&e.name.as_str());
+    let techniques: Vec<Entry> = plan.techniques.iter().filter(wanted).cloned().collect();
+    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
+    // Variants of the kernel differ in nothing but its side.
+    let grid: Vec<Entry> = techniques.iter().find(is_grid).cloned().into_iter().collect();
     let map_size = Sweep {
         parameter: "map_size",
         values: &MAP_SIZES,
         set: |config, size| config.set_map_size(size),
-        entries: plan.techniques.clone(),
+        // The others would be the same at every size, which is shown where it is asked for.
+        entries: techniques
+            .iter()
+            .filter(|entry| has_map(entry) || subject.only.contains(&entry.name.as_str()))
+            .cloned()
+            .collect(),
     };
-    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
     let kernel_side = Sweep {
         parameter: "kernel_side",
         values: &KERNEL_SIDES,
@@ -42,32 +61,44 @@ fn sweeps(plan: &Plan) -> Vec<Sweep> {
                 grid.side = side;
             }
         },
-        // Variants of the kernel differ in nothing but its side.
-        entries: plan.techniques.iter().find(is_grid).cloned().into_iter().collect(),
+        entries: grid,
     };
     [map_size, kernel_side].into_iter().filter(|s| !s.entries.is_empty()).collect()
 }
 
-/// The scene where none is asked for: one straight shadow edge. The caster is 10 m deep, not 100, because the
-/// map is fitted to it, and turned by 20 degrees, because an edge along the texels' rows would have no error
-/// at all where the fit lays it between two of them, as it does at the window's border.
-pub(super) fn subject() -> Subject {
+/// The scenes where none is asked for, each with its own of the `default` techniques, or with all that are asked for.
+///
+/// One straight shadow edge, for filters: the caster is 10 m deep, not 100, because the map is fitted to it, and turned
+/// by 20 degrees, because an edge along the texels' rows would have no error at all where the fit lays it between two of
+/// them, as it does at the window's border. And a street, seen along its length, for what puts a map's samples where
+/// they are seen.
+pub(super) fn subjects(default: bool) -> Vec<Subject> {
     let numbers = HalfPlaneOverPlane { extent: 10.0, ..HalfPlaneOverPlane::default() };
     let mut scene = half_plane_over_plane(&numbers);
     for instance in scene.instances.iter_mut().filter(|i| i.name == "half-plane") {
         instance.transform = DAffine3::from_rotation_y(20_f64.to_radians());
     }
-    Subject {
-        name: "half-plane, 10 m, turned".to_owned(),
-        slug: "half-plane-turned".to_owned(),
-        scene,
-    }
+    vec![
+        Subject {
+            name: "half-plane, 10 m, turned".to_owned(),
+            slug: "half-plane-turned".to_owned(),
+            scene,
+            only: if default { &QUICK_TECHNIQUES } else { &[] },
+        },
+        Subject {
+            name: "street".to_owned(),
+            slug: "street".to_owned(),
+            scene: street(),
+            only: if default { &PLACED } else { &[] },
+        },
+    ]
 }
 
 /// Steps of the progress bar.
 pub(super) fn steps(plan: &Plan) -> usize {
     let points = |sweep: &Sweep| sweep.values.len() * sweep.entries.len();
-    plan.scenes.len() * plan.lights.len() * sweeps(plan).iter().map(points).sum::<usize>()
+    let of = |subject| sweeps(plan, subject).iter().map(points).sum::<usize>();
+    plan.lights.len() * plan.scenes.iter().map(of).sum::<usize>() + scaling_volumes::steps(plan)
 }
 
 /// Measures every curve of the plan.
@@ -90,7 +121,7 @@ pub(super) fn measure(
         for kind in &plan.lights {
             let light = subject.scene.light_or_placed(*kind);
             let truth = stage.truth(&light, &options);
-            for sweep in sweeps(plan) {
+            for sweep in sweeps(plan, subject) {
                 let what = format!("{} · {} · {}", subject.name, kind.name(), sweep.parameter);
                 progress.set_message(what.clone());
                 let mut group: Vec<ScalingCurve> = sweep
@@ -119,11 +150,12 @@ pub(super) fn measure(
             }
         }
     }
+    curves.extend(scaling_volumes::measure(gpu, plan, progress)?);
     Ok(curves)
 }
 
 /// Runs the techniques in turn, again and again, so that whatever else the machine does hits all alike.
-fn shoot(
+pub(super) fn shoot(
     gpu: &Gpu,
     plan: &Plan,
     stage: &Stage,
@@ -140,13 +172,19 @@ fn shoot(
             if round == 0 {
                 shot.visibility = session.visibility(gpu)?;
                 shot.bytes = technique.bytes();
+                shot.counters = technique.read_counters(gpu)?;
             }
         }
     }
     Ok(shots)
 }
 
-fn point(value: u32, shot: &Shot, truth: &Truth, width: u32) -> anyhow::Result<ScalingPoint> {
+pub(super) fn point(
+    value: u32,
+    shot: &Shot,
+    truth: &Truth,
+    width: u32,
+) -> anyhow::Result<ScalingPoint> {
     let comparison = Comparison {
         estimate: &shot.visibility,
         reference: &truth.visibility,
@@ -160,5 +198,6 @@ fn point(value: u32, shot: &Shot, truth: &Truth, width: u32) -> anyhow::Result<S
         rmse: Some(metrics.rmse),
         gpu_ms: Spread::of(&shot.gpu_ms).map(|s| s.median),
         bytes: Some(shot.bytes),
+        work: shot.counters.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect(),
     })
 }

@@ -11,7 +11,12 @@ use anyhow::Context as _;
 
 pub(crate) use plot::number;
 
-use crate::results::Results;
+use crate::results::{Results, Run};
+
+/// Runs of one scene side by side, from the raw images in `dir`: shaded, and the signed error below.
+pub(crate) fn sheet(dir: &Path, runs: &[&Run]) -> anyhow::Result<image::RgbImage> {
+    pictures::sheet(dir, runs)
+}
 
 /// `cargo xtask report DIR`: writes the page again from the results in `dir`.
 pub(crate) fn run(dir: &Path) -> anyhow::Result<()> {

@@ -10,7 +10,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Rgb, RgbImage};
 
 use crate::exr::FloatImage;
-use crate::results::Files;
+use crate::results::{Files, Run};
 
 /// Widest picture on the page, pixels; wider ones are averaged down.
 const MAX_WIDTH: u32 = 640;
@@ -86,6 +86,42 @@ impl<'a> Pictures<'a> {
     fn read(&self, path: &str) -> anyhow::Result<FloatImage<1>> {
         FloatImage::read(&self.dir.join(path))
     }
+}
+
+/// Runs side by side: the shaded scene, and below it the signed error.
+pub(super) fn sheet(dir: &Path, runs: &[&Run]) -> anyhow::Result<RgbImage> {
+    const GAP: u32 = 4;
+    let mut pictures = Pictures::new(dir);
+    let mut columns = Vec::new();
+    for run in runs {
+        let files = &run.files;
+        let named = |file: &Option<String>| {
+            file.clone().with_context(|| format!("{}: {}", run.technique, run.status))
+        };
+        pictures.strip(files)?;
+        let counted = files.position.as_ref().and_then(|path| pictures.counted.get(path));
+        let truth = pictures.read(&named(&files.reference)?)?;
+        let error = error_map(&pictures.read(&named(&files.visibility)?)?, &truth, counted)?;
+        let shaded = image::open(dir.join(named(&files.shaded)?))?.to_rgb8();
+        columns.push([shaded, error]);
+    }
+    let [width, height] = columns.first().map_or([0; 2], |[first, _]| first.dimensions().into());
+    let count = columns.len() as u32;
+    let white = Rgb([255; 3]);
+    let (all, tall) = (count * (width + GAP), 2 * height + GAP);
+    let mut sheet = RgbImage::from_pixel(all.saturating_sub(GAP).max(1), tall, white);
+    for (column, pair) in columns.iter().enumerate() {
+        let x = i64::from(column as u32 * (width + GAP));
+        for (row, picture) in pair.iter().enumerate() {
+            image::imageops::replace(
+                &mut sheet,
+                picture,
+                x,
+                i64::from(row as u32 * (height + GAP)),
+            );
+        }
+    }
+    Ok(sheet)
 }
 
 /// Visibility, black = shadow.

@@ -64,7 +64,7 @@ impl DiscShadows {
     /// triangles do under a positional light. The radius is that of the circle with the area of the ellipse in the
     /// box's outline on the plane.
     #[must_use]
-    pub fn disc(&self, body: &CasterBody, plane: DVec4, light: DVec4) -> Option<Disc> {
+    pub fn disc(&self, body: &CasterBody<'_>, plane: DVec4, light: DVec4) -> Option<Disc> {
         let (normal, center) = (plane.truncate(), body.bounds.center());
         let height = plane.dot(center.extend(1.0));
         let above = plane.dot(light);
@@ -294,9 +294,9 @@ mod tests {
 
     use super::*;
 
-    fn ball(center: DVec3, radius: f64) -> CasterBody {
+    fn ball(center: DVec3, radius: f64) -> CasterBody<'static> {
         let bounds = Bounds { min: center - radius, max: center + radius };
-        CasterBody { bounds, floor: None }
+        CasterBody { bounds, parts: &[], floor: None }
     }
 
     #[test]

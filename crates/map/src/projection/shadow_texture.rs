@@ -1,7 +1,7 @@
 //! Shadow textures: masks of the casters as the light sees them, thrown onto planes.
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique,
+    BindGroupCache, Counters, Expectation, Frame, Gpu, GpuError, Layers, Recorder, Technique,
     TechniqueConfig, bind, entries,
 };
 use glam::DVec3;
@@ -99,20 +99,14 @@ pub struct ShadowTextureTechnique {
     casting: wgpu::Buffer,
     views: Table,
     receivers: Table,
-    masks: Masks,
+    /// As many layers as were ever needed; one texel where none was.
+    masks: Layers,
     blur: Option<Blur>,
     lists_group: BindGroupCache<[wgpu::Buffer; 2]>,
     frame_group: BindGroupCache<[wgpu::TextureView; 4]>,
     hull: Vec<DVec3>,
     layers: Option<u32>,
     counters: Counters,
-}
-
-/// The mask's layers, as many as were ever needed; one texel where none was.
-#[derive(Debug)]
-struct Masks {
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
 }
 
 /// The blur's passes: from a layer to the scratch texture and back.
@@ -180,7 +174,7 @@ impl ShadowTextureTechnique {
             casting,
             views: Table::new(gpu, "shadow texture: views", wgpu::BufferUsages::STORAGE),
             receivers: Table::new(gpu, "shadow texture: planes", wgpu::BufferUsages::STORAGE),
-            masks: Masks::new(gpu, 1, 1)?,
+            masks: masks(gpu, 1, 1)?,
             blur: if config.blur > 0.0 { Some(Blur::new(gpu, config)?) } else { None },
             lists_group: BindGroupCache::default(),
             frame_group: BindGroupCache::default(),
@@ -193,7 +187,7 @@ impl ShadowTextureTechnique {
     /// The mask: a layer for each plane and view of the light with casters, 1 lit, 0 dark.
     #[must_use]
     pub fn mask(&self) -> &wgpu::Texture {
-        self.masks.whole.texture()
+        &self.masks.texture
     }
 }
 
@@ -214,41 +208,9 @@ fn validate(gpu: &Gpu, config: &ShadowTexture) -> Result<(), GpuError> {
     plane::validate(&config.planes)
 }
 
-impl Masks {
-    fn new(gpu: &Gpu, size: u32, layers: u32) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "shadow texture",
-            &wgpu::TextureDescriptor {
-                label: Some("shadow texture"),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: MASK,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            },
-        )?;
-        let view = |dimension, base_array_layer, count| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                label: Some("shadow texture"),
-                dimension: Some(dimension),
-                base_array_layer,
-                array_layer_count: Some(count),
-                ..Default::default()
-            })
-        };
-        let whole = view(wgpu::TextureViewDimension::D2Array, 0, layers);
-        let each = (0..layers).map(|i| view(wgpu::TextureViewDimension::D2, i, 1)).collect();
-        Ok(Self { whole, each })
-    }
-
-    fn bytes(&self) -> u64 {
-        let size = self.whole.texture().size();
-        u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers)
-    }
+fn masks(gpu: &Gpu, size: u32, count: u32) -> Result<Layers, GpuError> {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+    Layers::new(gpu, "shadow texture", MASK, (size, count), usage)
 }
 
 impl Blur {
@@ -271,11 +233,11 @@ impl Blur {
     }
 
     /// Makes the scratch texture and the bind groups for new masks.
-    fn follow(&mut self, gpu: &Gpu, masks: &Masks) -> Result<(), GpuError> {
-        let size = masks.whole.texture().width();
+    fn follow(&mut self, gpu: &Gpu, made: &Layers) -> Result<(), GpuError> {
+        let size = made.texture.width();
         let scratch = match self.scratch.take() {
             Some(scratch) if scratch.texture().width() == size => scratch,
-            _ => Masks::new(gpu, size, 1)?.each.remove(0),
+            _ => masks(gpu, size, 1)?.each.remove(0),
         };
         let group = |step: &wgpu::Buffer, from: &wgpu::TextureView| {
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -284,7 +246,7 @@ impl Blur {
                 entries: &[bind::buffer(0, step), bind::texture(1, from)],
             })
         };
-        self.groups = masks.each.iter().map(|layer| group(&self.steps[0], layer)).collect();
+        self.groups = made.each.iter().map(|layer| group(&self.steps[0], layer)).collect();
         self.back = Some(group(&self.steps[1], &scratch));
         self.scratch = Some(scratch);
         Ok(())
@@ -332,12 +294,12 @@ impl Technique for ShadowTextureTechnique {
         self.receivers.write(gpu, &receivers)?;
         let casting = CastingUniform::new(light, receivers.len());
         gpu.queue.write_buffer(&self.casting, 0, bytemuck::bytes_of(&casting));
-        let have = self.masks.whole.texture();
+        let have = &self.masks.texture;
         if !views.is_empty()
             && (have.width() != self.config.size
                 || have.depth_or_array_layers() < views.len() as u32)
         {
-            self.masks = Masks::new(gpu, self.config.size, views.len() as u32)?;
+            self.masks = masks(gpu, self.config.size, views.len() as u32)?;
             if let Some(blur) = &mut self.blur {
                 blur.follow(gpu, &self.masks)?;
             }

@@ -28,6 +28,29 @@ pub(super) fn creeping_camera(
     gpu: &Gpu,
     technique: &mut dyn Technique,
 ) -> Result<f64, MeasureError> {
+    moving_camera(gpu, technique, |frame| {
+        let target = DVec3::new(STEP, 0.0, STEP) * frame;
+        (target + 12.0 * DVec3::Y, target)
+    })
+}
+
+/// K15: the same with a camera that turns where it is, by a hundredth of a degree a frame.
+pub(super) fn turning_camera(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+) -> Result<f64, MeasureError> {
+    moving_camera(gpu, technique, |frame| {
+        let target = DVec3::new(12.0 * (0.01_f64.to_radians() * frame).tan(), 0.0, 0.0);
+        (12.0 * DVec3::Y, target)
+    })
+}
+
+/// The largest mean change from one frame to the next, for a camera whose eye and target `place` gives a frame.
+fn moving_camera(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    place: impl Fn(f64) -> (DVec3, DVec3),
+) -> Result<f64, MeasureError> {
     let mut scene = Scene::default();
     scene.add(shapes::floor(40.0), DAffine3::IDENTITY);
     for (x, z) in (-10..=10).flat_map(|x| (-10..=10).map(move |z| (f64::from(x), f64::from(z)))) {
@@ -42,14 +65,9 @@ pub(super) fn creeping_camera(
     let mut stage = Stage::at_points(gpu, &scene, &points)?;
     let (mut before, mut largest) = (None::<Vec<f32>>, 0.0_f64);
     for frame in 0..FRAMES {
-        let target = DVec3::new(STEP, 0.0, STEP) * f64::from(frame);
-        let camera = Camera {
-            eye: target + 12.0 * DVec3::Y,
-            target,
-            up: DVec3::NEG_Z,
-            fov_y: 60_f64.to_radians(),
-            near: 0.1,
-        };
+        let (eye, target) = place(frame.into());
+        let camera =
+            Camera { eye, target, up: DVec3::NEG_Z, fov_y: 60_f64.to_radians(), near: 0.1 };
         stage.set_camera(Some(stage.meshes.view_camera(&camera, (1, 1))));
         let visibility = stage.shoot(gpu, &light, technique, 0)?.visibility;
         if let Some(before) = before {

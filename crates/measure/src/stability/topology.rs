@@ -1,10 +1,11 @@
-//! Casters that are no closed bodies, over a floor: how far from the shadow's edge anything on the floor is wrong.
+//! Flat casters over a floor: how far from the shadow's edge anything on the floor is wrong.
 
 use antumbra_gpu::{Gpu, Technique};
+use antumbra_map::basis;
 use antumbra_reference::closed::{Occluder, shadow_margin};
 use antumbra_reference::{SampleClass, TruthOptions};
-use antumbra_scene::{Bounds, Light, Scene};
-use glam::{DVec3, Vec3};
+use antumbra_scene::{Light, Scene};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::{MeasureError, Stage};
 
@@ -13,23 +14,31 @@ const VIEW: u32 = 256;
 /// As for the flat casters of `edge`: a filter's weights add up to 1 within this.
 const ROUNDING: f64 = 1e-5;
 
-/// The distance, as the light sees it, of the farthest wrong sample of the floor from the shadow's edge, texels,
-/// with the sun overhead; 0 where nothing is wrong.
+/// The largest distance, as the light sees it, of a wrong sample of the floor from the shadow's edge, texels, with the
+/// sun overhead; 0 where nothing is wrong.
 pub(super) fn farthest_wrong(
     gpu: &Gpu,
     technique: &mut dyn Technique,
     scene: &Scene,
     map_size: u32,
 ) -> Result<f64, MeasureError> {
-    let light = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
-    let casters = scene.instances.iter().filter(|instance| instance.name != "floor");
-    let bounds = casters.fold(Bounds::EMPTY, |b, i| b.union(scene.instance_bounds(i)));
-    let size = bounds.max - bounds.min;
-    let texel = size.x.max(size.z) / f64::from(map_size);
     let stage = Stage::new(gpu, scene, scene.camera_or_framing(), VIEW, VIEW)?;
-    let shot = stage.shoot(gpu, &light, technique, 0)?;
-    let truth = stage.truth(&light, &TruthOptions { ties: true, ..TruthOptions::default() });
-    let triangles = occluders(&stage);
+    let overhead = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
+    farthest_wrong_under(gpu, technique, (scene, &stage), &overhead, map_size)
+}
+
+/// The same under any sun, at a stage's samples.
+pub(super) fn farthest_wrong_under(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    (scene, stage): (&Scene, &Stage),
+    light: &Light,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let texel = ideal_side(scene, light) / f64::from(map_size);
+    let shot = stage.shoot(gpu, light, technique, 0)?;
+    let truth = stage.truth(light, &TruthOptions { ties: true, ..TruthOptions::default() });
+    let triangles = occluders(stage);
     let (mut farthest, mut judged) = (0.0_f64, 0);
     for (i, sample) in stage.view_samples().iter().enumerate() {
         let on_floor = sample.normal == Vec3::Y && sample.position.y == 0.0;
@@ -42,11 +51,25 @@ pub(super) fn farthest_wrong(
         if !right {
             // Inside the shadow of one triangle one is at least as far inside that of all.
             let p = stage.triangles.origin + sample.position.as_dvec3();
-            let margins = triangles.iter().map(|t| shadow_margin(t, &light, p));
+            let margins = triangles.iter().map(|t| shadow_margin(t, light, p));
             farthest = farthest.max(margins.fold(f64::NEG_INFINITY, f64::max).abs());
         }
     }
     Ok(if judged == 0 { f64::NAN } else { farthest / texel })
+}
+
+/// The longer side of the boxes around the casters, as the sun sees them, metres.
+fn ideal_side(scene: &Scene, light: &Light) -> f64 {
+    let rows = basis(light.towards(DVec3::ZERO, DVec2::splat(0.5)).normalize());
+    let casters = scene.instances.iter().filter(|instance| instance.name != "floor");
+    let corners: Vec<DVec3> = casters.flat_map(|i| scene.instance_bounds(i).corners()).collect();
+    let side = |i: usize| {
+        let places = corners.iter().map(|p| rows.row(i).dot(*p));
+        let none = (f64::INFINITY, f64::NEG_INFINITY);
+        let (lo, hi) = places.fold(none, |(lo, hi), v| (lo.min(v), hi.max(v)));
+        hi - lo
+    };
+    side(0).max(side(1))
 }
 
 /// The casters' triangles that the sun overhead does not see edge-on: those shadow nothing.

@@ -13,21 +13,25 @@ const VIEW: u32 = 64;
 /// Room to either side of a shadow's edge, texels of the map on the receiver, in which nothing is judged: the widest
 /// kernel that is tested reaches 3.5 texels an axis, half of the diagonal of 8 is more, and a map is at most a
 /// little coarser than the ideal one.
-const BAND: f64 = 8.0;
+pub(super) const BAND: f64 = 8.0;
 
 /// A scene under a light, seen by a camera, with the truth where it is known.
-struct Viewed<'a> {
-    scene: &'a Scene,
-    light: &'a Light,
-    camera: Camera,
+pub(super) struct Viewed<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) light: &'a Light,
+    pub(super) camera: Camera,
     /// Far plane, metres; infinite where there is none.
-    far: f64,
+    pub(super) far: f64,
     /// Whether a point (world space, with its normal) is lit; `None` where it is not judged.
-    lit: &'a dyn Fn(DVec3, Vec3) -> Option<bool>,
+    pub(super) lit: &'a dyn Fn(DVec3, Vec3) -> Option<bool>,
 }
 
 impl Viewed<'_> {
-    fn wrong_share(&self, gpu: &Gpu, technique: &mut dyn Technique) -> Result<f64, MeasureError> {
+    pub(super) fn wrong_share(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+    ) -> Result<f64, MeasureError> {
         let mut clip = self.camera.view_projection(DVec3::ZERO, 1.0);
         if self.far.is_finite() {
             // z = n (w_in) becomes n (f - d) / (f - n), reversed: 1 at n, 0 at f.
@@ -55,7 +59,7 @@ impl Viewed<'_> {
     }
 }
 
-fn camera(eye: DVec3, target: DVec3, near: f64) -> Camera {
+pub(super) fn camera(eye: DVec3, target: DVec3, near: f64) -> Camera {
     Camera { eye, target, up: DVec3::Y, fov_y: std::f64::consts::FRAC_PI_2, near }
 }
 

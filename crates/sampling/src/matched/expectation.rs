@@ -3,59 +3,86 @@
 //! The cases and their numbers are those of `antumbra_measure::stability::CASES`; a case is right at 0.
 
 use antumbra_gpu::Expectation;
-use antumbra_gpu::Expectation::{Holds, KnownLimit};
-use antumbra_map::Estimator;
+use antumbra_gpu::Expectation::Holds;
 
-use super::ResolutionMatched;
+use super::{ResolutionMatched, window};
 
+/// What holds of a technique over a plain map, `of`, over pages in an atlas of `size` texels a side, where that is known.
+///
 /// Where samples are points without a camera, all ask for the finest level and become coarser until they fit: at worst to
-/// the resolution of a plain map of the atlas's size. So what holds of that holds here, and of other lights, which such a
-/// map serves. Where a camera looks, a texel may be as large as a pixel.
-pub(super) fn matched(config: &ResolutionMatched, case: &str) -> Option<Expectation> {
-    let map = config.layout().ok()?;
-    let plain = antumbra_map::expectation(&config.map, &Estimator::nearest(), case);
-    let size = f64::from(config.map.size);
-    // Texels a side of the finest level.
-    let finest = f64::from(map.page * map.table);
+/// the resolution of a map of the atlas's size, less borders, over a window that is wider by so much as windows are that
+/// stand still.
+pub(super) fn matched(
+    config: &ResolutionMatched<()>,
+    size: Option<u32>,
+    of: Option<Expectation>,
+    case: &str,
+) -> Option<Expectation> {
+    // Of the finest level, at least: borders take no more than a quarter of a page's side.
+    let finest =
+        0.75 * f64::from(config.page.min(size.unwrap_or(256) / 16)) * f64::from(config.table);
+    let coarser = window::share(finest) / 0.75;
     Some(match case {
-        "HC-19 three and four triangles on an edge" => Holds { bound: as_seen(plain?, 6.0, size) },
-        "HC-20 winding without a side" => Holds { bound: as_seen(plain?, 7.2, size) },
-        "HC-22 vertex on an edge" => Holds { bound: as_seen(plain?, 2.0, size) },
-        // What is looked at lies under the wire, so that the pages of it fit. Once the wire, 0.4 texels of a plain map
-        // at 30 degrees to the rows, is wider than a texel is across it, some texel's centre lies in it everywhere.
+        "HC-01 B, sun overhead"
+        | "HC-01 C, slanting sun"
+        | "HC-01 B, turned 30 degrees"
+        | "HC-04 thin wall"
+        | "HC-05 cube"
+        | "HC-25 caster out of sight" => Holds { bound: coarser * bound(of?) },
+        "HC-19 three and four triangles on an edge"
+        | "HC-20 winding without a side"
+        | "HC-22 vertex on an edge" => {
+            let width = match case {
+                "HC-19 three and four triangles on an edge" => 6.0,
+                "HC-20 winding without a side" => 7.2,
+                _ => 2.0,
+            };
+            let displacement = f64::from(config.displacement);
+            Holds { bound: as_seen(bound(of?) * coarser, displacement, width / f64::from(size?)) }
+        }
+        // What is looked at lies under the wire, of whose pages the atlas holds those of the second finest level. Once
+        // the wire, 0.4 texels of a plain map at 30 degrees to the rows, is wider than a texel is across it, some texel's
+        // centre lies in it everywhere.
         "HC-31 wire below a texel"
-            if 0.4 * 22.5_f64.to_radians().cos() * finest / size
+            if 0.4 * 22.5_f64.to_radians().cos() * 0.5 * finest / coarser / f64::from(size?)
                 > 30_f64.to_radians().sin() + 30_f64.to_radians().cos() =>
         {
             Holds { bound: 0.0 }
         }
-        // As much as the camera moves a frame, 3 mm an axis, and a step of the window more, which is 14 m wide and
-        // fitted in steps of 9 %, edges move: of a floor with 6 m of outline in every 9 m^2. Twice that for which points
-        // lie in so narrow a strip, of 2^14.
-        "HC-39 creeping camera" => KnownLimit {
-            at_least: 14.0 / finest / 3.0,
-            at_most: 2.0
-                * (6.0 / 9.0 * std::f64::consts::SQRT_2 * (0.003 + 16.0 / finest) + 2f64.powi(-14)),
-            because: "the window moves in whole texels of the finest level, and so those of coarser levels by a part \
-                      of theirs",
-        },
-        _ => return antumbra_map::without_holes(case).or(plain),
+        "HC-31 wire below a texel" => return None,
+        // The window knows nothing of the camera, which looks straight down: every sample keeps its level, too.
+        "HC-39 creeping camera" => Holds { bound: 0.0 },
+        // A face of a cube is not fitted to the caster. Of the level at which a square's pages fit into the 8 x 8 or more of
+        // the atlas, two a side are wasted at the square's border, and levels come in steps of two.
+        "HC-01 A, point light" | "HC-23 light at the eye" => {
+            Holds { bound: bound(of?) / (0.75 * 0.5 * (1.0 - 2.0 / 8.0)) }
+        }
+        // Of six faces of M x M pages the atlas holds all for 6 M^2 of its number, in steps of two, less borders: texels of
+        // 2 / M sides, where 1 is a face's half width. That is 3 m of the triangle at most, and an ideal texel 2 m of it
+        // over the map's side.
+        "HC-02 light amid the caster" | "HC-02 in view" => {
+            Holds { bound: bound(of?) * 2.0 * 6f64.sqrt() / (0.75 * 0.5) * 3.0 / 2.0 }
+        }
+        _ => return antumbra_map::without_holes(case).or(of),
     })
 }
 
-/// How far off a sample may be in the views of bodies over a floor, texels of a map of `size` over `width` metres of
-/// casters, given how far it may be where texels are those of the plain map.
-///
-/// A pixel of the 256 x 256 under 45 degrees, with the eye 4.5 m above the floor, covers there the area (2 tan 22.5° / 256)^2
-/// d^3 / 4.5 m, d being the depth: at 1.2 m behind the middle, where shadows end, 8.92 m. A texel covers no more. Where the
-/// atlas has no room for that, it has for the finest requests at the plain map's resolution; and those from
-/// 5 m on, where the view begins, to 8.92 m lie within two levels.
-fn as_seen(plain: Expectation, width: f64, size: f64) -> f64 {
-    let bound = match plain {
+fn bound(expectation: Expectation) -> f64 {
+    match expectation {
         Holds { bound } => bound,
         _ => f64::INFINITY,
-    };
+    }
+}
+
+/// How far off a sample may be in the views of bodies over a floor, texels of `texel` metres, given how far it may be
+/// where the window's texels are those of a plain map.
+///
+/// A pixel of the 256 x 256 under 45 degrees, with the eye 4.5 m above the floor, is there no longer than 2 tan 22.5° / 256
+/// times d^2 / 4.5 m, d being the depth: at 1.2 m behind the middle, where shadows end, 8.92 m. Edges are displaced by a
+/// part of it, and by what the rasteriser moves them. Where the atlas has no room for that, it has for all levels from half
+/// of the plain map's resolution on, which take a quarter of it and, above, less than a third of that.
+fn as_seen(plain: f64, displacement: f64, texel: f64) -> f64 {
     let side = 2.0 * 22.5_f64.to_radians().tan() / 256.0;
-    let pixel = side * (8.92_f64.powi(3) / 4.5).sqrt();
-    bound * (pixel / (width / size)).max(4.0)
+    let pixel = side * 8.92_f64.powi(2) / 4.5;
+    ((displacement + 1.0 / 128.0) * pixel / texel).max(2.0 * plain)
 }

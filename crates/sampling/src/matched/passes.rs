@@ -2,6 +2,7 @@
 
 use antumbra_gpu::{BindGroupCache, Gpu, GpuError, bind, entries};
 use antumbra_map::ShadowMap;
+use antumbra_shaders::module;
 
 /// Something that a bind group holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +26,7 @@ impl From<&wgpu::TextureView> for Bound {
 /// A layout with the bind group made of it last.
 #[derive(Debug)]
 pub(super) struct Group {
-    layout: wgpu::BindGroupLayout,
+    pub(super) layout: wgpu::BindGroupLayout,
     made: BindGroupCache<Vec<Bound>>,
 }
 
@@ -57,6 +58,11 @@ impl Group {
         });
         group.clone()
     }
+
+    /// The bind group made last.
+    pub(super) fn kept(&self) -> Option<&wgpu::BindGroup> {
+        self.made.kept()
+    }
 }
 
 /// The passes.
@@ -65,6 +71,7 @@ pub(super) struct Passes {
     pub(super) requests: Group,
     pub(super) pages: Group,
     pub(super) casters: Group,
+    pub(super) views: Group,
     pub(super) drawing: Group,
     pub(super) lookups: Group,
     pub(super) slot_layout: wgpu::BindGroupLayout,
@@ -76,12 +83,12 @@ pub(super) struct Passes {
     pub(super) list: wgpu::ComputePipeline,
     pub(super) wipe: wgpu::RenderPipeline,
     pub(super) draw: wgpu::RenderPipeline,
-    pub(super) resolve: wgpu::ComputePipeline,
 }
 
 impl Passes {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        use entries::{storage, texels, uniform, write_storage, write_texture};
+    /// `select` is the module that names a point's face.
+    pub(super) fn new(gpu: &Gpu, select: &'static str) -> Result<Self, GpuError> {
+        use entries::{storage, texels, uniform, write_storage};
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         const VS: wgpu::ShaderStages = wgpu::ShaderStages::VERTEX;
         let requests = Group::new(
@@ -97,7 +104,7 @@ impl Passes {
         );
         let written = |binding| write_storage(binding, CS);
         let mut entries_of_pages = vec![uniform(0, CS)];
-        entries_of_pages.extend((1..=5).map(written));
+        entries_of_pages.extend((1..=6).map(written));
         let pages = Group::new(gpu, "pages", &entries_of_pages);
         let casters = Group::new(
             gpu,
@@ -119,17 +126,9 @@ impl Passes {
         let lookups = Group::new(
             gpu,
             "lookups in pages",
-            &[
-                uniform(0, CS),
-                texels(1, CS, false),
-                texels(2, CS, false),
-                write_texture(3, CS, wgpu::TextureFormat::R32Float),
-                storage(4, CS),
-                storage(5, CS),
-                storage(6, CS),
-                texels(7, CS, false),
-            ],
+            &[uniform(0, CS), storage(1, CS), storage(2, CS), storage(3, CS)],
         );
+        let views = Group::new(gpu, "views", &[storage(0, CS)]);
         let slot_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("slot"),
             entries: &[wgpu::BindGroupLayoutEntry {
@@ -143,16 +142,20 @@ impl Passes {
                 count: None,
             }],
         });
+        let slots = [module("layout", select)];
         let shader = |root: &'static str| {
-            Ok::<_, GpuError>(gpu.shader(root, antumbra_shaders::link(root, &[])?))
+            Ok::<_, GpuError>(gpu.shader(root, antumbra_shaders::link(root, &slots)?))
         };
         let compute = |module: &_, entry, group: &Group| {
             gpu.compute_pipeline("sampling/matched", module, entry, &[&group.layout])
         };
+        let in_views = |module: &_, entry, group: &Group| {
+            let layouts = [&group.layout, &views.layout];
+            gpu.compute_pipeline("sampling/matched", module, entry, &layouts)
+        };
         let of_requests = shader("sampling::matched_request")?;
         let of_pages = shader("sampling::matched_pages")?;
         let of_casters = shader("sampling::matched_casters")?;
-        let of_lookups = shader("sampling::matched_resolve")?;
         let drawn = shader("sampling::matched_draw")?;
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("pages"),
@@ -160,18 +163,18 @@ impl Passes {
             immediate_size: 0,
         });
         Ok(Self {
-            request: compute(&of_requests, "request", &requests),
+            request: in_views(&of_requests, "request", &requests),
             coarsen: compute(&of_pages, "coarsen", &pages),
             assign: compute(&of_pages, "assign", &pages),
             plan: compute(&of_pages, "plan", &pages),
             count: compute(&of_casters, "count", &casters),
             list: compute(&of_casters, "list", &casters),
-            resolve: compute(&of_lookups, "resolve", &lookups),
             wipe: depth(gpu, &layout, &drawn, "wipe", wgpu::CompareFunction::Always),
             draw: depth(gpu, &layout, &drawn, "vertex", wgpu::CompareFunction::Greater),
             requests,
             pages,
             casters,
+            views,
             drawing,
             lookups,
             slot_layout,

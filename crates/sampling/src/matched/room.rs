@@ -1,7 +1,6 @@
 //! The atlas, and the buffers of pages, slots and casters.
 
 use antumbra_gpu::{Gpu, GpuError};
-use antumbra_map::ShadowMap;
 
 use super::Virtual;
 
@@ -12,15 +11,16 @@ pub(super) const STATE_WORDS: u64 = 24;
 /// Pairs of page and triangle that there is room for, whatever the casters: 4 MiB.
 const LEAST_PAIRS: u32 = 1 << 20;
 
-/// What lasts: the atlas, and what is known of it.
+/// What lasts: what is known of the atlas.
 #[derive(Debug)]
 pub(super) struct Atlas {
-    pub(super) depth: wgpu::TextureView,
     /// Of each page marks of this frame.
     pub(super) marks: wgpu::Buffer,
     /// Of each page 1 + its slot, or 0.
     pub(super) held: wgpu::Buffer,
     pub(super) slots: wgpu::Buffer,
+    /// Pages that are asked for.
+    pub(super) wanted: wgpu::Buffer,
     pub(super) state: wgpu::Buffer,
     /// Arguments of each slot's draw.
     pub(super) draws: wgpu::Buffer,
@@ -28,31 +28,17 @@ pub(super) struct Atlas {
     numbers: wgpu::Buffer,
     pub(super) number: wgpu::BindGroup,
     pub(super) stride: u32,
-    texels: u64,
 }
 
 impl Atlas {
     pub(super) fn new(
         gpu: &Gpu,
         map: &Virtual,
+        faces: u32,
         slot_layout: &wgpu::BindGroupLayout,
     ) -> Result<Self, GpuError> {
-        let side = map.row * map.page;
-        let texture = gpu.create_texture(
-            "pages of a shadow map",
-            &wgpu::TextureDescriptor {
-                label: Some("pages of a shadow map"),
-                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: ShadowMap::FORMAT,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            },
-        )?;
-        let (pages, slots) = (u64::from(map.page_count()), u64::from(map.slots()));
+        let pages = u64::from(map.page_count()) * u64::from(faces);
+        let slots = u64::from(map.slots());
         let stride = gpu.device.limits().min_uniform_buffer_offset_alignment.max(16);
         let mut numbers = vec![0u32; (slots * u64::from(stride) / 4) as usize];
         for (slot, words) in numbers.chunks_mut(stride as usize / 4).enumerate() {
@@ -74,23 +60,29 @@ impl Atlas {
         });
         let (none, indirect) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::INDIRECT);
         Ok(Self {
-            depth: texture.create_view(&Default::default()),
             marks: storage(gpu, "marks of pages", 4 * pages, none)?,
             held: storage(gpu, "slots of pages", 4 * pages, none)?,
             slots: storage(gpu, "slots", SLOT * slots, none)?,
+            wanted: storage(gpu, "pages asked for", 4 * pages, none)?,
             state: storage(gpu, "state", 4 * STATE_WORDS, none)?,
             draws: storage(gpu, "draws of pages", 16 * slots, indirect)?,
             numbers,
             number,
             stride,
-            texels: u64::from(side) * u64::from(side),
         })
     }
 
     pub(super) fn bytes(&self) -> u64 {
-        let buffers =
-            [&self.marks, &self.held, &self.slots, &self.state, &self.draws, &self.numbers];
-        4 * self.texels + buffers.iter().map(|b| b.size()).sum::<u64>()
+        let buffers = [
+            &self.marks,
+            &self.held,
+            &self.slots,
+            &self.wanted,
+            &self.state,
+            &self.draws,
+            &self.numbers,
+        ];
+        buffers.iter().map(|b| b.size()).sum::<u64>()
     }
 }
 

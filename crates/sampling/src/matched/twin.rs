@@ -6,9 +6,12 @@ use antumbra_gpu::ViewCamera;
 use antumbra_map::TexelOnScreen;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-/// A page: its level, 0 for the finest, and its place among those of its level, from the left and from the top.
+/// A page: the face of the light that it lies on, its level, 0 for the finest, and its place among those of its level, from
+/// the left and from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Page {
+    /// Face, 0 for lights that have one.
+    pub face: u32,
     /// Level.
     pub level: u32,
     /// Column and row.
@@ -20,11 +23,13 @@ pub struct Page {
 pub struct Virtual {
     /// Side of a page, texels, a power of two.
     pub page: u32,
+    /// Width of a page's border, texels: another page's texels, for kernels to read.
+    pub border: u32,
     /// Pages a side of the finest level, a power of two.
     pub table: u32,
     /// Pages a side of the atlas.
     pub row: u32,
-    /// Texels that a pixel is to have at least.
+    /// Pixels by which an edge may be displaced.
     pub rule: f32,
 }
 
@@ -35,7 +40,13 @@ impl Virtual {
         self.table.ilog2() + 1
     }
 
-    /// Pages of all levels.
+    /// Side of a page without its border, texels: what it shows of its level.
+    #[must_use]
+    pub fn side(&self) -> u32 {
+        self.page - 2 * self.border
+    }
+
+    /// Pages of all levels of a face.
     #[must_use]
     pub fn page_count(&self) -> u32 {
         (4 * self.table * self.table - 1) / 3
@@ -47,100 +58,110 @@ impl Virtual {
         self.row * self.row
     }
 
-    /// Place of a page among all, finest level first.
+    /// Place of a page among all, face by face and finest level first.
     #[must_use]
     pub fn index_of(&self, page: Page) -> u32 {
         let m = self.table >> page.level;
-        4 * (self.table * self.table - m * m) / 3 + page.tile[1] * m + page.tile[0]
+        page.face * self.page_count()
+            + 4 * (self.table * self.table - m * m) / 3
+            + page.tile[1] * m
+            + page.tile[0]
     }
 
     /// The page at a place among all.
     #[must_use]
     pub fn page_at(&self, index: u32) -> Page {
-        let (mut rest, mut level, mut m) = (index, 0, self.table);
+        let face = index / self.page_count();
+        let (mut rest, mut level, mut m) = (index % self.page_count(), 0, self.table);
         while rest >= m * m && m > 1 {
             rest -= m * m;
             m /= 2;
             level += 1;
         }
-        Page { level, tile: [rest % m, rest / m] }
+        Page { face, level, tile: [rest % m, rest / m] }
     }
 
-    /// The page that holds `page`, `by` levels coarser, but no coarser than the whole window.
+    /// The page that holds `page` at a level that is no finer than `finest`.
     #[must_use]
-    pub fn coarser(&self, page: Page, by: u32) -> Page {
-        let level = (page.level + by).min(self.levels() - 1);
-        Page { level, tile: page.tile.map(|t| t >> (level - page.level)) }
+    pub fn no_finer(&self, page: Page, finest: u32) -> Page {
+        let level = page.level.max(finest);
+        Page { level, tile: page.tile.map(|t| t >> (level - page.level)), ..page }
     }
 
-    /// The level for a pixel that covers `texels` texels of the finest, before it is made a whole number in range.
+    /// Texels a side of the finest level.
     #[must_use]
-    pub fn exact_level(&self, texels: f64) -> f64 {
-        0.5 * (texels / f64::from(self.rule)).log2()
+    pub fn texels(&self) -> u32 {
+        self.side() * self.table
     }
 
-    /// The level for a pixel that covers `texels` texels of the finest: the coarsest whose texels, of which the pixel
-    /// has at least [`Virtual::rule`], are no larger.
+    /// The level for a sample at which the finest displaces edges by `displacement` pixels: the coarsest that does so by
+    /// no more than [`Virtual::rule`], as a texel's sides double from one level to the next.
     #[must_use]
-    pub fn level(&self, texels: f64) -> u32 {
+    pub fn level(&self, displacement: f64) -> u32 {
         let last = f64::from(self.levels() - 1);
-        self.exact_level(texels).floor().clamp(0.0, last) as u32
+        let level = (f64::from(self.rule) / displacement.clamp(1e-18, 1e18)).log2();
+        level.floor().clamp(0.0, last) as u32
     }
 
-    /// The page of a level for a point of the window, which goes from (0, 0) to (1, 1).
+    /// The page of a level for a point of a face's window, which goes from (0, 0) to (1, 1).
     #[must_use]
-    pub fn page_of(&self, st: DVec2, level: u32) -> Page {
+    pub fn page_of(&self, face: u32, st: DVec2, level: u32) -> Page {
         let m = self.table >> level;
         let tile = |x: f64| ((x * f64::from(m)) as u32).min(m - 1);
-        Page { level, tile: [tile(st.x), tile(st.y)] }
+        Page { face, level, tile: [tile(st.x), tile(st.y)] }
     }
 
-    /// Texels of the finest level that the pixel covers behind which the surface with unit normal `n` lies at `p`.
+    /// How far from where it belongs a texel of the finest level may put a shadow's edge on the surface with unit normal
+    /// `n` at `p`, pixels: half the sum of its sides. Next to infinite where the light meets the surface edge-on.
     #[must_use]
-    pub fn texels_of_pixel(
+    pub fn displacement(
         &self,
         window: &DMat4,
         camera: &ViewCamera,
         pixels: [u32; 2],
         (p, n): (DVec3, DVec3),
     ) -> f64 {
-        let [width, height] = pixels.map(f64::from);
-        let texels = f64::from(self.page * self.table);
-        let size = DVec2::new(width, height);
-        1.0 / TexelOnScreen::new(&camera.clip, size, window, texels, p, n).area()
+        let size = DVec2::from(pixels.map(f64::from));
+        let texel = TexelOnScreen::new(&camera.clip, size, window, f64::from(self.texels()), p, n);
+        let sides = 0.5 * texel.sides().element_sum();
+        if sides.is_finite() { sides } else { f64::MAX }
     }
 
-    /// By how many levels all of `requests` must become coarser to fit into the atlas, and the pages that are then in
-    /// use.
+    /// The finest level at which `requests`, of one face, fit into the atlas, those for finer ones having become coarser, and
+    /// the pages that are then in use.
     #[must_use]
     pub fn fitting(&self, requests: &BTreeSet<Page>) -> (u32, BTreeSet<Page>) {
-        let coarse = |by| requests.iter().map(|&page| self.coarser(page, by)).collect();
-        let pages = (0..self.levels()).map(|by| (by, coarse(by)));
+        let from = |finest| requests.iter().map(|&page| self.no_finer(page, finest)).collect();
+        let last = self.levels() - 1;
+        let mut pages = (0..last).map(|finest| (finest, from(finest)));
         let fits = |(_, pages): &(u32, BTreeSet<Page>)| pages.len() as u32 <= self.slots();
         // The last is one page.
-        pages.clone().find(fits).unwrap_or_else(|| (0, coarse(self.levels())))
+        pages.find(fits).unwrap_or_else(|| (last, from(last)))
     }
 
-    /// What stretches a page's part of clip space to all of it.
+    /// What puts a page's part of clip space into the middle half of it: its viewport is twice as wide as the page, so that
+    /// the border lies in it, too, and the factor is a power of two, which rounds nothing.
     #[must_use]
     pub fn crop(&self, page: Page) -> DMat4 {
-        let m = f64::from(self.table >> page.level);
-        let [x, y] = page.tile.map(|t| m - 1.0 - 2.0 * f64::from(t));
+        let m = 0.5 * f64::from(self.table >> page.level);
+        let [x, y] = page.tile.map(|t| m - 0.5 - f64::from(t));
         DMat4::from_cols(DVec4::X * m, DVec4::Y * m, DVec4::Z, DVec4::new(x, -y, 0.0, 1.0))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use antumbra_scene::Camera;
+
     use super::*;
 
-    const MAP: Virtual = Virtual { page: 128, table: 32, row: 4, rule: 1.0 };
+    const MAP: Virtual = Virtual { page: 128, border: 0, table: 32, row: 4, rule: 0.5 };
 
     #[test]
     fn every_page_has_a_number_of_its_own() {
         // (4^6 - 1) / 3 pages of 6 levels.
         assert_eq!((MAP.page_count(), MAP.levels()), (1365, 6), "of a table of 32 x 32");
-        let mut last = Page { level: 0, tile: [0, 0] };
+        let mut last = Page { face: 0, level: 0, tile: [0, 0] };
         for index in 0..MAP.page_count() {
             let page = MAP.page_at(index);
             assert_eq!(MAP.index_of(page), index, "{page:?}");
@@ -148,41 +169,91 @@ mod tests {
             assert!(page.tile.iter().all(|&t| t < 32 >> page.level), "{page:?}");
             last = page;
         }
-        assert_eq!(last, Page { level: 5, tile: [0, 0] }, "the last is the whole window");
+        assert_eq!(last, Page { face: 0, level: 5, tile: [0, 0] }, "the last is the whole window");
+        let next = MAP.page_at(MAP.page_count());
+        assert_eq!(next, Page { face: 1, level: 0, tile: [0, 0] }, "the first of the next face");
     }
 
     #[test]
-    fn texels_of_the_chosen_level_are_as_large_as_the_pixel() {
+    fn the_chosen_level_displaces_edges_by_no_more_than_it_may_and_by_more_than_half_of_that() {
         for i in -40..100 {
-            let texels = 2f64.powf(f64::from(i) * 0.17);
-            let area = 4f64.powi(MAP.level(texels) as i32);
-            // Between one and four texels a pixel, unless the levels end.
-            let ends = texels < 1.0 || MAP.level(texels) == 5;
-            assert!(ends || (area <= texels && texels < 4.0 * area), "{texels}: {area}");
+            // Of the finest level.
+            let displacement = 2f64.powf(-0.17 * f64::from(i));
+            let level = MAP.level(displacement);
+            let there = displacement * f64::from(1u32 << level);
+            let ends = displacement > 0.5 || level == 5;
+            assert!(ends || (there <= 0.5 && there > 0.25), "{displacement}: level {level}");
         }
-        // One texel of 1 / 4096 of the window a pixel of which 1000 lie across it: 4.096^2 texels, level 2.
-        assert_eq!(MAP.level(4.096f64.powi(2)), 2, "a pixel of a thousandth");
-        assert_eq!(MAP.level(0.0), 0, "a receiver edge-on to the light");
-        assert_eq!(MAP.level(f64::INFINITY), 5, "a receiver edge-on to the camera");
-        let fine = Virtual { rule: 4.0, ..MAP };
-        assert_eq!((MAP.level(64.0), fine.level(64.0)), (3, 2), "four texels a pixel");
+        // A texel of 1 / 4096 of the window where a pixel is a thousandth: sides of 1 / 4.096, half of their sum as much.
+        assert_eq!(MAP.level(1.0 / 4.096), 1, "a pixel of a thousandth");
+        assert_eq!(MAP.level(f64::MAX), 0, "a receiver edge-on to the light");
+        assert_eq!(MAP.level(0.0), 5, "a pixel of the whole window");
+        let fine = Virtual { rule: 0.25, ..MAP };
+        assert_eq!((MAP.level(0.125), fine.level(0.125)), (2, 1), "half the displacement");
+    }
+
+    #[test]
+    fn no_point_of_a_texel_is_displaced_by_more() {
+        let camera = Camera {
+            eye: DVec3::new(1.0, 2.0, 5.0),
+            target: DVec3::ZERO,
+            up: DVec3::Y,
+            fov_y: 0.9,
+            near: 0.1,
+        };
+        let camera = ViewCamera { clip: camera.view_projection(DVec3::ZERO, 1.5), eye: camera.eye };
+        let window = DMat4::from_cols(
+            DVec4::new(0.1, 0.03, 0.0, 0.0),
+            DVec4::new(-0.02, 0.05, 0.1, 0.0),
+            DVec4::new(0.04, 0.09, 0.05, 0.0),
+            DVec4::W,
+        );
+        let pixel = |p: DVec3| {
+            let ndc = camera.clip.project_point3(p);
+            DVec2::new(ndc.x, -ndc.y) * 0.5 * DVec2::new(600.0, 400.0)
+        };
+        let (mut largest, mut compared) = (0.0_f64, 0);
+        for i in 0..200 {
+            let number =
+                |k: i32| 2.0 * (f64::from(3 * i + k + 1) * 0.618_033_988_749_894_9).fract() - 1.0;
+            let p = DVec3::new(number(0), number(1), number(2)) * 0.8;
+            let n = DVec3::new(number(2) * 0.5, 1.0, 0.6 + number(0) * 0.4).normalize();
+            let allowed = MAP.displacement(&window, &camera, [600, 400], (p, n));
+            // From the texel's centre to its corners on the receiver's plane, made so small that derivatives hold.
+            let (u, v) = n.any_orthonormal_pair();
+            let step = |d: DVec3| 0.5 * 4096.0 * (window * d.extend(0.0)).truncate().truncate();
+            let (su, sv) = (step(u), step(v));
+            let det = su.perp_dot(sv);
+            let mut farthest = 0.0_f64;
+            for corner in [DVec2::new(0.5, 0.5), DVec2::new(0.5, -0.5)] {
+                let (a, b) = (corner.perp_dot(sv) / det, su.perp_dot(corner) / det);
+                let small = 1e-3;
+                let moved = pixel(p + (u * a + v * b) * small) - pixel(p);
+                farthest = farthest.max(moved.length() / small);
+            }
+            assert!(farthest <= allowed * (1.0 + 1e-4), "point {i}: {farthest} of {allowed}");
+            largest = largest.max(farthest / allowed);
+            compared += 1;
+        }
+        assert_eq!(compared, 200, "all points");
+        assert!(largest > 0.9, "{largest}: the bound is met now and then");
     }
 
     #[test]
     fn the_windows_last_edge_lies_on_its_last_page() {
         for level in 0..6 {
             let last = (32 >> level) - 1;
-            let page = MAP.page_of(DVec2::ONE, level);
-            assert_eq!(page, Page { level, tile: [last, last] }, "level {level}");
+            let page = MAP.page_of(2, DVec2::ONE, level);
+            assert_eq!(page, Page { face: 2, level, tile: [last, last] }, "level {level}");
         }
     }
 
     #[test]
-    fn a_crop_puts_the_page_and_nothing_else_into_clip_space() {
+    fn a_crop_puts_the_page_into_the_middle_of_clip_space() {
         for index in (0..MAP.page_count()).step_by(7) {
             let page = MAP.page_at(index);
             let m = f64::from(32u32 >> page.level);
-            for (corner, expected) in [([0.0, 0.0], [-1.0, 1.0]), ([1.0, 1.0], [1.0, -1.0])] {
+            for (corner, expected) in [([0.0, 0.0], [-0.5, 0.5]), ([1.0, 1.0], [0.5, -0.5])] {
                 let st: [f64; 2] = [0, 1].map(|i| (f64::from(page.tile[i]) + corner[i]) / m);
                 // With any w, and depth left as it is.
                 let clip = DVec4::new(2.0 * st[0] - 1.0, 1.0 - 2.0 * st[1], 0.3, 1.0) * 2.5;
@@ -196,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_beyond_the_atlas_become_coarser_together() {
+    fn requests_beyond_the_atlas_lose_the_finest_levels() {
         // All of level 0 but one page: 1023; a quarter of it, 256; 64; and 16, which fit.
         let mut all: BTreeSet<Page> = (0..1023).map(|i| MAP.page_at(i)).collect();
         let (by, pages) = MAP.fitting(&all);
@@ -205,6 +276,13 @@ mod tests {
         assert_eq!(MAP.fitting(&all).0, 4, "one more page, of the whole window");
         let few: BTreeSet<Page> = all.into_iter().take(16).collect();
         assert_eq!(MAP.fitting(&few), (0, few.clone()), "what fits is left alone");
+        // Coarse ones stay what they are: 4 pages of level 3 beside the quarter of level 0 that becomes 4 of level 3.
+        let quarter = |i: u32| Page { face: 0, level: 0, tile: [i % 16, i / 16] };
+        let coarse = |i: u32| Page { face: 0, level: 3, tile: [2 + i % 2, 2 + i / 2] };
+        let mixed: BTreeSet<Page> = (0..256).map(quarter).chain((0..4).map(coarse)).collect();
+        let (finest, pages) = MAP.fitting(&mixed);
+        assert_eq!((finest, pages.len()), (3, 8), "a quarter of 256 pages");
+        assert!((0..4).all(|i| pages.contains(&coarse(i))), "{pages:?}");
         let none = Virtual { row: 1, ..MAP };
         assert_eq!(none.fitting(&few).1.len(), 1, "one slot holds one page");
     }

@@ -41,6 +41,7 @@ pub(super) fn view_samples(case: &str) -> Option<Expectation> {
         | "HC-13 depth precision"
         | "HC-13 depth precision, near caster"
         | "HC-14 far from the origin"
+        | "HC-28 downstairs"
         | "HC-15 eye in shadow"
         | "HC-16 boundary near the eye"
         | "HC-16 boundary through the eye"

@@ -1,8 +1,7 @@
 //! The light's grid of buckets: its projections, fitted as those of a shadow map, and the casters of each.
 
 use antumbra_gpu::{Frame, Gpu, GpuError, LightView, bind, light_view_layout};
-use antumbra_map::{Fitting, SeenView, ShadowMap, Sight, VisibleRegion, fit_seen};
-use antumbra_scene::Bounds;
+use antumbra_map::{BodyBoxes, Fitting, SeenView, ShadowMap, Sight, fit_seen};
 use glam::{DMat3, DMat4, DVec3, DVec4, Mat4};
 
 /// Most faces that a light has.
@@ -148,8 +147,7 @@ impl GridUniform {
 #[derive(Debug)]
 pub(crate) struct Fitter {
     hull: Vec<DVec3>,
-    casters: Vec<Bounds>,
-    receivers: Vec<Bounds>,
+    boxes: BodyBoxes,
     /// Blocks of casters: first triangle, and number of triangles + 64 times the face.
     pub(crate) blocks: Vec<[u32; 2]>,
     /// Of a matrix that nothing draws with: casters are asked which of them a view needs.
@@ -165,13 +163,7 @@ impl Fitter {
             layout: &light_view_layout(&gpu.device),
             entries: &[bind::buffer(0, &buffer)],
         });
-        Self {
-            hull: Vec::new(),
-            casters: Vec::new(),
-            receivers: Vec::new(),
-            blocks: Vec::new(),
-            nothing,
-        }
+        Self { hull: Vec::new(), boxes: BodyBoxes::default(), blocks: Vec::new(), nothing }
     }
 
     /// The grid of the frame's light, `side` buckets a side of each face, over what casters can shadow of what is seen;
@@ -197,8 +189,8 @@ impl Fitter {
         self.hull.clear();
         let hull = &mut self.hull;
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
-        let region = self.visible_region(frame);
-        let sight = region.as_ref().map(|region| Sight { region, casters: &self.casters });
+        let region = self.boxes.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: self.boxes.casters() });
         let views = fit_seen(frame.light, &self.hull, sight.as_ref(), fitting)?;
         self.blocks.clear();
         let blocks = &mut self.blocks;
@@ -225,20 +217,5 @@ impl Fitter {
             });
         }
         Ok(views)
-    }
-
-    /// What the frame's camera can see, with the casters' boxes collected; `None` where that is not known, and
-    /// every caster counts.
-    fn visible_region(&mut self, frame: &Frame<'_>) -> Option<VisibleRegion> {
-        let camera = frame.camera?;
-        self.receivers.clear();
-        let receivers = &mut self.receivers;
-        if !frame.casters.receivers(&mut |bounds| receivers.push(bounds)) {
-            return None;
-        }
-        self.casters.clear();
-        let casters = &mut self.casters;
-        frame.casters.boxes(frame.light, &mut |bounds| casters.push(bounds));
-        VisibleRegion::new(&camera, &self.receivers, frame.origin)
     }
 }

@@ -5,6 +5,7 @@ pub mod mask;
 pub mod occlusion;
 pub mod techniques;
 pub mod vssm;
+pub mod width;
 
 use antumbra_scene::Light;
 use glam::{DMat2, DMat4, DVec2, DVec3};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
 use crate::count::{Counting, Draw, Eye, Request};
-use crate::light::{contact, homogeneous_light, perspective, triangles};
+use crate::light::{contact, homogeneous_light, triangles, viewer};
 use crate::{Counter, Method, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
@@ -117,11 +117,11 @@ fn edges<'a>(gpu: &Gpu, frame: &Frame<'a>) -> Result<&'a CasterEdges, GpuError> 
 impl Technique for SilhouetteTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
         let triangles = triangles(frame)?;
-        let view = perspective(frame)?;
+        let view = viewer(frame)?;
         let light = homogeneous_light(frame);
         let request = FaceRequest {
             light,
-            eye: view.camera.eye,
+            eye: view.eye.as_vec4(),
             method: match self.config.method {
                 Counted::Behind => Method::Behind,
                 Counted::Choose => Method::Choose,
@@ -191,8 +191,8 @@ impl Technique for SilhouetteTechnique {
             ("volume_sides", sides),
             ("volume_caps", caps),
             ("casting_bodies", bodies),
-            ("doubtful_samples", self.counting.read_doubts(gpu)?),
         ]);
+        counters.extend(self.counting.read_counters(gpu)?);
         Ok(counters)
     }
 
