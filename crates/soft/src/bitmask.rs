@@ -170,7 +170,12 @@ impl TechniqueConfig for Bitmask {
     fn expectation(&self, case: &str) -> Option<Expectation> {
         // An edge that runs along the samples' rows is off by half of one of 4 a tile; two an axis.
         let edge = 0.5 / f64::from(4 * self.samples.tiles());
-        let accuracy = Accuracy { apart: 4.0 * edge, contact: edge, edge: 2.0 * edge };
+        let accuracy = Accuracy {
+            apart: 4.0 * edge,
+            contact: edge,
+            edge: 2.0 * edge,
+            ..Accuracy::of(&self.map)
+        };
         expectation::over_a_map(&self.map, &accuracy, case)
     }
 }

@@ -4,7 +4,7 @@ use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use serde::{Deserialize, Serialize};
 
-use crate::expectation::{self, Accuracy};
+use crate::expectation::{self, Accuracy, HANDED_OVER};
 use crate::window::{Window, check_map};
 use crate::{Facing, store::AreaStore};
 
@@ -103,7 +103,13 @@ impl TechniqueConfig for Pcss {
         // Behind one plate the search finds its depth, but for shares that all of its taps miss; and the filter counts.
         let off = self.off(MISSED, COUNTED);
         let edge = self.off(0.0, 1.0 / 64.0);
-        let accuracy = Accuracy { apart: off, contact: off, edge: 2.0 * edge };
+        let accuracy = Accuracy {
+            apart: off,
+            contact: off,
+            edge: 2.0 * edge,
+            rise: HANDED_OVER,
+            ..Accuracy::of(&self.map)
+        };
         expectation::over_a_map(&self.map, &accuracy, case)
     }
 }

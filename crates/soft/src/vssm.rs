@@ -7,7 +7,7 @@ use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
-use crate::expectation::{self, Accuracy};
+use crate::expectation::{self, Accuracy, HANDED_OVER};
 use crate::window::{Hierarchy, Window, check_map};
 use crate::{Facing, store::AreaStore};
 
@@ -128,8 +128,13 @@ impl TechniqueConfig for Vssm {
         let off = |across: f64, d: f64| {
             2.0 * f64::from(self.map.bias.cone) * std::f64::consts::SQRT_2 * across / size / d
         };
-        let accuracy =
-            Accuracy { apart: off(8.0, 2.0), contact: off(1.6, 1.0), edge: off(6.0, 5.0) };
+        let accuracy = Accuracy {
+            apart: off(8.0, 2.0),
+            contact: off(1.6, 1.0),
+            edge: off(6.0, 5.0),
+            cone: 0.0,
+            rise: HANDED_OVER,
+        };
         expectation::over_a_map(&self.map, &accuracy, case)
     }
 }
