@@ -10,14 +10,16 @@
 //! <!-- /pictured -->
 //! ```
 //!
-//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; a table without one shows all. A page has one
-//! picture, under the page's name in `docs/images`.
+//! `file` is relative to `docs`. `scene`, `light` and `technique` are lists; a table without one shows all. With a list
+//! `across` of columns and work counters, by their names in the CSV file, each scene and technique is one row, all lights
+//! side by side. A page has one picture, under the page's name in `docs/images`.
 
 mod mark;
 mod picture;
 
 use std::path::{Path, PathBuf};
 
+use antumbra_scene::{LightKind, generate};
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum as _;
 
@@ -91,7 +93,8 @@ fn read(page: &Path) -> anyhow::Result<String> {
     std::fs::read_to_string(page).with_context(|| format!("cannot read {}", page.display()))
 }
 
-/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images.
+/// Runs the bench behind committed results again and puts the new ones in their place, without the raw images. Scenes
+/// from files that are not here keep what was measured.
 pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     let old = Results::read(file)?;
     let settings = &old.settings;
@@ -99,11 +102,16 @@ pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     let Ok(suite) = Suite::from_str(&settings.suite, false) else {
         bail!("{} is of the unknown suite `{}`", file.display(), settings.suite)
     };
+    let is_here = |scene: &str| generate::by_name(scene).is_some() || Path::new(scene).exists();
+    let (here, away): (Vec<Run>, Vec<Run>) =
+        old.runs.iter().cloned().partition(|run| is_here(&run.scene));
+    ensure!(!here.is_empty(), "none of the scenes of {} is here", file.display());
     let out = std::env::temp_dir().join(format!("antumbra-measure-{}", std::process::id()));
     bench::run(BenchArgs {
-        scene: in_order(old.runs.iter().map(|run| run.scene.clone())),
-        light: in_order(old.runs.iter().map(|run| run.light.kind())),
-        technique: in_order(old.runs.iter().map(|run| run.technique.clone())),
+        scene: in_order(here.iter().map(|run| run.scene.clone())),
+        ground: settings.ground,
+        light: in_order(here.iter().map(|run| run.light.kind())),
+        technique: in_order(here.iter().map(|run| run.technique.clone())),
         size: Some(Size { width, height }),
         map_size: Some(settings.map_size),
         light_samples: Some(settings.light_samples),
@@ -118,6 +126,7 @@ pub(crate) fn measure(file: &Path) -> anyhow::Result<()> {
     for run in &mut new.runs {
         run.files = Default::default();
     }
+    new.runs.extend(away);
     let text = serde_json::to_string_pretty(&new).context("cannot serialise the results")?;
     std::fs::write(file, text + "\n").with_context(|| format!("cannot write {}", file.display()))
 }
@@ -157,7 +166,7 @@ fn filled(text: &str, page: &Path, docs: &Path) -> anyhow::Result<(String, usize
 }
 
 fn table(mark: &Mark<'_>, docs: &Path) -> anyhow::Result<String> {
-    mark.knows(&["file", "scene", "light", "technique"])?;
+    mark.knows(&["file", "scene", "light", "technique", "across"])?;
     let file = mark.get("file").map(|file| docs.join(file));
     let [scenes, lights, techniques] = ["scene", "light", "technique"].map(|key| mark.list(key));
     let Some(file) = file else { bail!("names no file") };
@@ -172,26 +181,71 @@ fn table(mark: &Mark<'_>, docs: &Path) -> anyhow::Result<String> {
     let runs: Vec<&Run> = results.runs.iter().filter(wanted).collect();
     ensure!(!runs.is_empty(), "selects no run of {}", file.display());
 
-    let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
-    let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
-    let mut text = format!("\n| scene | light | technique | {} |\n", titles.join(" | "));
-    text += &format!("|---|---|---|{}\n", "--:|".repeat(shown.len()));
-    for run in runs {
+    for run in &runs {
         ensure!(run.status == Status::Ok, "{} on {}: {}", run.technique, run.scene, run.status);
-        let cells: Vec<String> = shown
-            .iter()
-            .map(|c| c.value(run).map_or_else(|| "–".to_owned(), |v| c.unit.show(v)))
-            .collect();
-        let light = describe_light(&run.light);
-        text +=
-            &format!("| {} | {light} | `{}` | {} |\n", run.scene, run.technique, cells.join(" | "));
     }
+    let mut text = match mark.list("across") {
+        None => one_by_one(&runs),
+        Some(ids) => side_by_side(&runs, &ids)?,
+    };
     let [width, height] = results.settings.size;
     text += &format!(
         "\n{}, {}; view {width} x {height}, map {}².\n\n",
         results.adapter.name, results.adapter.driver_info, results.settings.map_size
     );
     Ok(text)
+}
+
+/// A row for each run.
+fn one_by_one(runs: &[&Run]) -> String {
+    let shown: Vec<_> = COLUMNS.iter().filter_map(|id| columns::metric(id)).collect();
+    let titles: Vec<_> = shown.iter().map(|c| c.title).collect();
+    let mut text = format!("\n| scene | light | technique | {} |\n", titles.join(" | "));
+    text += &format!("|---|---|---|{}\n", "--:|".repeat(shown.len()));
+    for run in runs {
+        let cells: Vec<String> = shown.iter().map(|c| cell(c, run)).collect();
+        let light = describe_light(&run.light);
+        text +=
+            &format!("| {} | {light} | `{}` | {} |\n", run.scene, run.technique, cells.join(" | "));
+    }
+    text
+}
+
+/// A row for each scene and technique, with the columns and counters `ids` under each light.
+fn side_by_side(runs: &[&Run], ids: &[&str]) -> anyhow::Result<String> {
+    for id in ids {
+        let known = columns::metric(id).is_some() || runs.iter().any(|r| r.work.contains_key(*id));
+        ensure!(known, "no column or counter `{id}`");
+    }
+    let title =
+        |id: &str| columns::metric(id).map_or_else(|| id.replace('_', " "), |c| c.title.to_owned());
+    let show = |id: &str, run: &Run| match columns::metric(id) {
+        Some(column) => cell(column, run),
+        None => run.work.get(id).map_or_else(|| "–".to_owned(), u64::to_string),
+    };
+    let lights = in_order(runs.iter().map(|run| run.light.kind()));
+    let rows = in_order(runs.iter().map(|run| (&run.scene, &run.technique)));
+    let titles = lights.iter().flat_map(|kind| ids.iter().map(move |id| (kind, id)));
+    let titles: Vec<_> =
+        titles.map(|(kind, id)| format!("{}, {}", kind.name(), title(id))).collect();
+    let mut text = format!("\n| scene | technique | {} |\n", titles.join(" | "));
+    text += &format!("|---|---|{}\n", "--:|".repeat(titles.len()));
+    for row in rows {
+        let under = |kind: &LightKind| {
+            let is_it =
+                |run: &&&Run| (&run.scene, &run.technique) == row && run.light.kind() == *kind;
+            let run = runs.iter().find(is_it);
+            let cell = |id: &&str| run.map_or_else(|| "–".to_owned(), |run| show(id, run));
+            ids.iter().map(cell).collect::<Vec<_>>()
+        };
+        let cells: Vec<String> = lights.iter().flat_map(under).collect();
+        text += &format!("| {} | `{}` | {} |\n", row.0, row.1, cells.join(" | "));
+    }
+    Ok(text)
+}
+
+fn cell(column: &columns::Column, run: &Run) -> String {
+    column.value(run).map_or_else(|| "–".to_owned(), |v| column.unit.show(v))
 }
 
 #[cfg(test)]
@@ -220,6 +274,17 @@ mod tests {
     }
 
     #[test]
+    fn lights_stand_side_by_side_where_columns_are_named() {
+        let dir = tempfile::tempdir().expect("temporary directory");
+        let mark = "<!-- measured file=results.json technique=map/plain across=rmse,leak -->";
+        let (text, _) = page(dir.path(), mark).expect("filled");
+        let title = "| scene | technique | spot, RMSE | spot, leak | directional, RMSE | directional, leak |";
+        assert!(text.contains(title), "{text}");
+        assert!(text.contains("| half-plane | `map/plain` |"), "{text}");
+        assert!(text.contains("| – | – |"), "what was not measured is a dash: {text}");
+    }
+
+    #[test]
     fn marks_that_select_nothing_or_say_nonsense_are_errors() {
         let dir = tempfile::tempdir().expect("temporary directory");
         for mark in [
@@ -227,6 +292,7 @@ mod tests {
             "<!-- measured file=missing.json -->",
             "<!-- measured scene=street -->",
             "<!-- measured file=results.json colour=red -->",
+            "<!-- measured file=results.json across=colour -->",
         ] {
             assert!(page(dir.path(), mark).is_err(), "{mark}");
         }

@@ -77,6 +77,9 @@ pub(crate) struct Settings {
     pub(crate) light_samples: u32,
     /// Interleaved repetitions of each timing.
     pub(crate) repeat: u32,
+    /// Whether scenes from files stand on a ground.
+    #[serde(default)]
+    pub(crate) ground: bool,
 }
 
 /// One technique on one scene under one light.

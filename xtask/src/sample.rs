@@ -64,6 +64,7 @@ pub(crate) fn results() -> Results {
             map_size: 1024,
             light_samples: 256,
             repeat: 9,
+            ground: false,
         },
         runs,
         stability: stability(),

@@ -91,6 +91,7 @@ impl Plan {
             map_size: args.map_size.unwrap_or(1024),
             light_samples: args.light_samples.unwrap_or(256),
             repeat: args.repeat.unwrap_or(if full { 9 } else { 5 }),
+            ground: args.ground,
         };
         let lights = match (args.light.as_slice(), full) {
             ([], true) => LightKind::ALL.to_vec(),

@@ -4,6 +4,7 @@
 use antumbra_gpu::{Expectation, SUBPIXEL_STEP};
 
 use super::{depth_map, without_holes};
+use crate::projection::expectation::beside_the_plate;
 use crate::{DualLayers, Estimator, Midpoint, NormalOffset, SecondDepth, SecondSurface, SlopeBias};
 use Expectation::{Holds, KnownLimit};
 
@@ -79,8 +80,10 @@ pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectati
         | "HC-18 sheets"
         | "HC-18 256 sheets"
         | "HC-25 caster not seen" => some_wrong,
-        // All of the shadow is missing; on small maps none of it is judged.
-        "HC-23 light in the near plane" => return None,
+        // No second layer lies below a lone triangle.
+        "K7 crossing triangle" if config.surface == SecondSurface::SecondLayer => some_wrong,
+        // All of what is seen of the shadow is missing.
+        "HC-23 light in the near plane" => beside_the_plate(),
         // As above, of shadows that are narrower than the map, at samples that lie where the pixels do.
         "HC-02 in view"
         | "HC-23 light at the eye"
@@ -279,8 +282,13 @@ pub(crate) fn normal_offset(config: &NormalOffset, case: &str) -> Option<Expecta
             "HC-01 A, point light"
             | "HC-01 C, slanting sun"
             | "HC-02 light amid the caster"
+            | "HC-02 in view"
             | "HC-04 thin wall"
-            | "HC-05 cube" => std::f64::consts::SQRT_2 * offset,
+            | "HC-05 cube"
+            | "HC-23 light at the eye"
+            | "HC-25 caster out of sight" => std::f64::consts::SQRT_2 * offset,
+            // Of which the number is what the light sees itself.
+            "K2 tilted suns" => offset,
             _ => 0.0,
         },
     )
