@@ -159,13 +159,6 @@ pub fn permutations() -> Vec<Permutation> {
             });
         }
     }
-    for (name, below) in [("map", "soft::below_map"), ("level", "soft::below_level")] {
-        all.push(Permutation {
-            name: format!("soft-pyramid-from-{name}"),
-            root: "soft::pyramid",
-            slots: vec![module("below", below)],
-        });
-    }
     all.extend(tables());
     all.extend(pyramids());
     all.extend(widths());
@@ -286,7 +279,15 @@ fn pyramids() -> Vec<Permutation> {
             ],
         })
     };
-    means.into_iter().flat_map(of_a_mean).collect()
+    let of_a_map =
+        [("one", "soft::one_texel"), ("four", "soft::four_texels")].map(|(name, texel)| {
+            Permutation {
+                name: format!("gpu-mip-base-depths-of-{name}"),
+                root: "gpu::mip_base",
+                slots: vec![module("texel", texel), source("target", blur_target("rg32float"))],
+            }
+        });
+    means.into_iter().flat_map(of_a_mean).chain(of_a_map).collect()
 }
 
 /// Constants of every filtered technique; each uses a few.
@@ -485,6 +486,9 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
         ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
         ("bitmask-microquad-1024", "soft::bitmask", quad, false, mask_1024),
+        ("bitmask-layers", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-multiscale", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-y", "soft::bitmask", patch, true, mask_256),
     ]
     .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
         let taps = if full { 16 } else { 0 };
@@ -493,7 +497,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
              const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {full};\n\
              const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
              const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
-             const TRIS: bool = {full};"
+             const TRIS: bool = {full};\nconst DEEPER: i32 = 3;"
         );
         let mut slots = vec![
             module("store", "common::depth_map"),
@@ -502,6 +506,15 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
             source("config", constants),
         ];
         slots.extend(occluders.map(|path| module("occluders", path)));
+        match name {
+            "bitmask-layers" => {}
+            _ => slots.push(module("soft::deeper", "soft::no_deeper")),
+        }
+        match name {
+            "bitmask-multiscale" => slots.push(module("soft::bounds", "soft::bounds_multiscale")),
+            "bitmask-y" => slots.push(module("soft::bounds", "soft::bounds_y")),
+            _ => {}
+        }
         if !full {
             slots.push(module("soft::bounds", "soft::no_bounds"));
             slots.push(module("soft::tally", "soft::no_tally"));

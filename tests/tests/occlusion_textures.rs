@@ -35,6 +35,7 @@ fn behind_one_plate_the_answer_is_the_closed_form() {
         for config in [
             textures(256),
             textures(512),
+            textures(1024),
             OcclusionTextures { slices: 6, placement: Placement::Error, ..textures(512) },
             OcclusionTextures { offset: false, fusion: Fusion::Max, ..textures(512) },
         ] {

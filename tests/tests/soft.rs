@@ -6,13 +6,14 @@ mod area;
 
 use antumbra::Config;
 use antumbra_filter::PcfGrid;
+use antumbra_gpu::Counters;
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
 use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
 use antumbra_scene::{Light, Scene, generate};
 use antumbra_soft::{
-    BackProjection, Bitmask, Occluders, OcclusionTextures, Pcss, Samples, Vssm, Window,
+    BackProjection, Bitmask, Hierarchy, Occluders, OcclusionTextures, Pcss, Samples, Vssm, Window,
 };
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
@@ -21,7 +22,9 @@ use glam::{DAffine3, DVec3, Vec3};
 /// Every technique, at its defaults and at its most exact.
 fn techniques(size: u32, window: Window) -> Vec<Config> {
     let map = map(size);
-    let mask = |occluders, samples| Config::Bitmask(Bitmask { map, window, samples, occluders });
+    let mask = |occluders, samples| {
+        Config::Bitmask(Bitmask { map, window, samples, occluders, ..Bitmask::default() })
+    };
     vec![
         Config::Pcss(Pcss { map, window, ..Pcss::default() }),
         Config::Pcss(Pcss { map, window, search: 0, filter: 0, ..Pcss::default() }),
@@ -82,7 +85,7 @@ fn behind_one_plate_all_are_the_closed_form() {
     let window = Window { budget: 128, ..Window::default() };
     let mask = |samples| {
         let occluders = Occluders::Micropatch;
-        Config::Bitmask(Bitmask { map, window, samples, occluders })
+        Config::Bitmask(Bitmask { map, window, samples, occluders, ..Bitmask::default() })
     };
     for light in [rect, disc, ball, sun] {
         let plate = plate(&gpu, light, 1.6);
@@ -211,46 +214,64 @@ fn faces_of_the_turned_cube_meet_without_a_seam() {
 }
 
 #[test]
-fn the_pyramid_changes_no_answer_and_leaves_the_penumbra_to_evaluate() {
+fn bounds_of_depth_change_no_answer_and_leave_the_penumbra_to_evaluate() {
     let gpu = gpu();
     let stage = seen(&gpu, &bodies(), 64);
     let window = |hierarchy, umbra| Window { hierarchy, umbra, tally: true, ..Window::default() };
-    let with = techniques(128, window(true, false));
-    let without = techniques(128, window(false, false));
     let all = lights(0.3);
     let pairs = || all.iter().map(|light| (&stage, light));
-    for (with, without) in with.iter().zip(&without) {
-        // Taps of a search lie elsewhere in a narrower window, and its mean is another.
-        if matches!(with, Config::Pcss(_)) {
-            continue;
-        }
-        for ((a, b), light) in
-            shots(&gpu, with, pairs()).iter().zip(shots(&gpu, without, pairs())).zip(&all)
-        {
-            assert_eq!(a.0, b.0, "{with:?} under {light:?}");
+    let kinds = [Hierarchy::Mip, Hierarchy::Y, Hierarchy::Multiscale];
+    for without in techniques(128, window(Hierarchy::None, false)) {
+        let plain = shots(&gpu, &without, pairs());
+        // Of one technique all kinds, since they differ in nothing else.
+        let kinds =
+            if matches!(without, Config::BackProjection(_)) { &kinds[..] } else { &kinds[..1] };
+        for kind in kinds {
+            let mut with = without.clone();
+            match &mut with {
+                Config::BackProjection(config) => config.window.hierarchy = *kind,
+                Config::Bitmask(config) => config.window.hierarchy = *kind,
+                // Taps of a search lie elsewhere in a narrower window, and its mean is another.
+                _ => continue,
+            }
+            for ((a, b), light) in shots(&gpu, &with, pairs()).iter().zip(&plain).zip(&all) {
+                assert_eq!(a.0, b.0, "{with:?} under {light:?}");
+            }
         }
     }
-    let config =
-        Config::BackProjection(BackProjection { map: map(128), window: window(true, true) });
-    let found = shots(&gpu, &config, pairs());
-    let mut looked_at = [0, 0];
-    for (((_, counts), (_, all)), light) in
-        found.iter().zip(shots(&gpu, &without[2], pairs())).zip(&all)
-    {
+    let areas = |hierarchy| {
+        let window = window(hierarchy, hierarchy != Hierarchy::None);
+        let config = Config::BackProjection(BackProjection { map: map(128), window });
+        shots(&gpu, &config, pairs())
+    };
+    let without = areas(Hierarchy::None);
+    let each = kinds.map(areas);
+    for (i, light) in all.iter().enumerate() {
         let options = TruthOptions { light_samples: 64, ..TruthOptions::default() };
         let truth = stage.truth(light, &options);
         let penumbra = truth.visibility.iter().filter(|v| **v > 0.0 && **v < 1.0).count() as u64;
-        assert!(counts["samples_penumbra"] >= penumbra / 2, "the penumbra is evaluated");
+        let count = |of: &Vec<(Vec<f32>, Counters)>, name: &str| of[i].1[name];
+        let [mip, y, multiscale] = [0, 1, 2].map(|k| count(&each[k], "samples_penumbra"));
+        assert!(multiscale >= penumbra / 2, "the penumbra is evaluated under {light:?}");
         assert!(
-            counts["samples_penumbra"] < all["samples_penumbra"]
-                && counts["occluders"] < all["occluders"],
-            "and little else: {counts:?}, {all:?}"
+            mip < count(&without, "samples_penumbra")
+                && count(&each[0], "occluders") < count(&without, "occluders"),
+            "and little else: {:?}, {:?}",
+            each[0][i].1,
+            without[i].1
         );
-        looked_at[0] += counts["occluders"];
-        looked_at[1] += all["occluders"];
+        // Tighter bounds leave less; a Y map is as tight but for what its fourfold texels hold beside the window.
+        assert!(multiscale <= y && y <= mip, "{multiscale}, {y}, {mip} under {light:?}");
+        let [mip, y, multiscale] = [0, 1, 2].map(|k| count(&each[k], "occluders"));
+        assert!(multiscale <= y && y <= mip, "{multiscale}, {y}, {mip} occluders under {light:?}");
+        assert!(multiscale < mip, "{multiscale}, {mip} occluders under {light:?}");
     }
+    let looked_at = |shots: &[(Vec<f32>, Counters)]| -> u64 {
+        shots.iter().map(|(_, counters)| counters["occluders"]).sum()
+    };
     // A sun's windows grow with the depth range and not beyond it: there the pyramid saves least.
-    assert!(2 * looked_at[0] < looked_at[1], "occluders looked at: {looked_at:?}");
+    let all = [looked_at(&without), looked_at(&each[0])];
+    assert!(2 * all[1] < all[0], "occluders looked at: {all:?}");
 }
 
 #[test]

@@ -6,7 +6,9 @@ use antumbra_shaders::{Slot, link_source, module, source};
 use antumbra_soft::twin::View;
 use antumbra_soft::twin::mask::Mask;
 use antumbra_soft::twin::techniques::{Map, Receiver};
-use antumbra_soft::{Bitmask, Occluders, Pcss, Samples, SingleSample, WidthLookup, Window};
+use antumbra_soft::{
+    Bitmask, Hierarchy, Occluders, Pcss, Samples, SingleSample, WidthLookup, Window,
+};
 use antumbra_tests::gpu;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
@@ -237,7 +239,7 @@ fn estimators_agree_with_their_twins_under_every_light() {
     const COUNT: usize = 512;
     let gpu = gpu();
     let mut random = Random(5);
-    let window = Window { hierarchy: false, umbra: false, budget: 64, tally: false };
+    let window = Window { hierarchy: Hierarchy::None, umbra: false, budget: 64, tally: false };
     for (light, kind) in lights() {
         let view = View::new(&clip(&light), f64::from(SIZE), &light);
         let receivers: Vec<[f32; 4]> = (0..COUNT)
@@ -297,6 +299,7 @@ fn estimators_agree_with_their_twins_under_every_light() {
                 );
             let mut slots = base("soft::bitmask", constants);
             slots.push(module("occluders", path));
+            slots.push(module("soft::deeper", "soft::no_deeper"));
             let found = shade(&gpu, &slots, &view, kind, &receivers);
             let exact: Vec<f64> = twins
                 .iter()

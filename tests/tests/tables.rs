@@ -367,12 +367,47 @@ fn a_y_map_is_an_n_buffer_over_a_mip_level_in_the_stated_memory() {
     }
 }
 
+/// Images of one channel as the layers of an array.
+fn layered(gpu: &Gpu, size: u32, layers: &[Vec<f32>]) -> wgpu::TextureView {
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some("images"),
+        size: wgpu::Extent3d {
+            width: size,
+            height: size,
+            depth_or_array_layers: layers.len() as u32,
+        },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R32Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    };
+    let texture = gpu.create_texture("images", &descriptor).expect("room");
+    gpu.queue.write_texture(
+        texture.as_image_copy(),
+        bytemuck::cast_slice(&layers.concat()),
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(4 * size),
+            rows_per_image: Some(size),
+        },
+        texture.size(),
+    );
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
+}
+
 #[test]
 fn each_layer_has_levels_of_its_own_and_room_is_kept() {
     const SIZE: u32 = 16;
     let gpu = gpu();
-    let values = whole_numbers(&mut Random(7), SIZE);
-    let source = image(&gpu, SIZE, &values);
+    let images: Vec<Vec<f32>> =
+        (7..10).map(|seed| whole_numbers(&mut Random(seed), SIZE)).collect();
+    let source = layered(&gpu, SIZE, &images);
+    let jobs = [2u32, 0, 1].map(|source| LayerJob { source, ..LayerJob::default() });
     for kind in [
         PyramidKind::Mip,
         PyramidKind::NBuffer(Anchor::Corner, Beyond::Repeat),
@@ -382,28 +417,29 @@ fn each_layer_has_levels_of_its_own_and_room_is_kept() {
         let mut kept = None;
         // Fewer layers than before leave the others alone.
         for count in [3usize, 2, 3] {
-            several.prepare(&gpu, &source, SIZE, &vec![LayerJob::default(); count]).expect("room");
+            several.prepare(&gpu, &source, SIZE, &jobs[..count]).expect("room");
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             several.encode(&mut Recorder::new(&mut encoder), "test");
             gpu.queue.submit([encoder.finish()]);
             let bytes = several.bytes();
             assert_eq!(*kept.get_or_insert(bytes), bytes, "{kind:?}: {count} layers");
         }
-        let one = pyramid(&gpu, kind, &averages(1), SIZE, &values);
-        for job in 0..3 {
+        for (index, job) in jobs.iter().enumerate() {
+            let (index, values) = (index as u32, &images[job.source as usize]);
+            let one = pyramid(&gpu, kind, &averages(1), SIZE, values);
             for level in 0..one.levels() {
                 let read = |p: &Pyramid, layer| {
                     read_f32_texture(&gpu, p.stack().expect("a stack"), layer).expect("read")
                 };
-                let layer = job * one.levels() + level;
-                assert_eq!(read(&several, layer), read(&one, level), "{kind:?}: {job}, {level}");
+                let layer = index * one.levels() + level;
+                assert_eq!(read(&several, layer), read(&one, level), "{kind:?}: {index}, {level}");
             }
             for level in 0..one.mips().map_or(0, wgpu::Texture::mip_level_count) {
                 let read = |p: &Pyramid, layer| {
                     let mips = p.mips().expect("a mipmap");
                     read_f32_level(&gpu, mips, layer, level).expect("read")
                 };
-                assert_eq!(read(&several, job), read(&one, 0), "{kind:?}: {job}, mip {level}");
+                assert_eq!(read(&several, index), read(&one, 0), "{kind:?}: {index}, mip {level}");
             }
         }
     }

@@ -12,7 +12,7 @@ use antumbra_shaders::{link_source, module, source};
 use antumbra_soft::twin::View;
 use antumbra_soft::twin::techniques::{Map, Receiver};
 use antumbra_soft::twin::vssm::Table;
-use antumbra_soft::{Pcss, Vssm};
+use antumbra_soft::{Hierarchy, Pcss, Vssm};
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -327,8 +327,12 @@ fn the_shader_is_its_twin_under_every_light() {
             (DMat4::from_cols(DVec4::X, DVec4::Y, z, DVec4::Z), [-1.0, 1.0, 15.0, 0.0])
         };
         let view = View::new(&clip, f64::from(SIZE), &light);
-        let config =
-            Vssm { hierarchy: false, umbra: false, map: map(SIZE as u32), ..Vssm::default() };
+        let config = Vssm {
+            hierarchy: Hierarchy::None,
+            umbra: false,
+            map: map(SIZE as u32),
+            ..Vssm::default()
+        };
         let scale = config.numbers().scale();
         let table = Table::new(Map { size: SIZE, depth: &formula }, linear, scale);
         let mut state = 9u64;

@@ -9,6 +9,7 @@
 //! whose map covers more is held to a bound that says so.
 
 mod acne;
+mod area;
 mod bodies;
 mod cutout;
 mod edge;
@@ -65,6 +66,9 @@ const FALSE_SHADOW: &str = "share of the samples facing the light that are not f
 const FARTHEST: &str = "distance of the farthest wrong sample from the shadow's edge, texels";
 const GAP: &str = "lit strip between caster and shadow, texels";
 const EXCESS: &str = "error within a texel of a seam beyond that elsewhere, as a share of it";
+const EXPLAINED: &str =
+    "largest error of visibility beyond that of a caster larger or smaller by a 64th of the map";
+const FLICKER: &str = "largest second difference of the error over three frames";
 const WRONG: &str = "share of wrong samples, none of them near a shadow's edge";
 
 /// All hard cases.
@@ -478,6 +482,42 @@ pub const CASES: &[Case] = &[
         about: "cubes behind the camera and 30 m above it shadow the floor in view",
         number: WRONG,
         measure: |gpu, technique, _| known::cubes_out_of_view().wrong_share(gpu, technique),
+    },
+    Case {
+        name: "area light of no size",
+        about: "a rectangle, a disc and a sphere of no size cast the hard shadow of HC-01",
+        number: FARTHEST,
+        measure: area::of_no_size,
+    },
+    Case {
+        name: "area light of any size",
+        about: "a square over a floor, under square lights from 2 mm to 200 m a side",
+        number: EXPLAINED,
+        measure: |gpu, technique, _| area::of_any_size(gpu, technique),
+    },
+    Case {
+        name: "area light, contact",
+        about: "a box on the floor keeps its penumbra at its foot",
+        number: EXPLAINED,
+        measure: |gpu, technique, _| area::contact(gpu, technique),
+    },
+    Case {
+        name: "area light, caster at it",
+        about: "a plate a tenth of a millimetre before a light hides all of it",
+        number: "mean visibility",
+        measure: |gpu, technique, _| area::at_the_light(gpu, technique),
+    },
+    Case {
+        name: "area light, passing ball",
+        about: "a ball near the light passes before a plate, which hides other parts of the light",
+        number: FLICKER,
+        measure: |gpu, technique, _| area::passing_ball(gpu, technique),
+    },
+    Case {
+        name: "area light, sinking plate",
+        about: "a plate sinks by 1/60 m a frame: edges move through texels, slices and levels",
+        number: FLICKER,
+        measure: |gpu, technique, _| area::sinking_plate(gpu, technique),
     },
 ];
 

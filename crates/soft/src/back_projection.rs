@@ -4,7 +4,7 @@ use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::MapConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::expectation;
+use crate::expectation::{self, Accuracy};
 use crate::pcss::build;
 use crate::window::Window;
 
@@ -34,6 +34,7 @@ impl TechniqueConfig for BackProjection {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::expectation(&self.map, case)
+        let accuracy = Accuracy { apart: 0.0, contact: 0.0, edge: 0.0, ..Accuracy::of(&self.map) };
+        expectation::over_a_map(&self.map, &accuracy, case)
     }
 }

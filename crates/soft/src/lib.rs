@@ -13,6 +13,8 @@
 
 mod back_projection;
 mod bitmask;
+mod bounding;
+mod deeper;
 mod expectation;
 mod facing;
 mod occlusion;
@@ -22,6 +24,7 @@ mod radial_search;
 mod single_sample;
 mod slices;
 mod store;
+mod table;
 pub mod twin;
 mod vssm;
 mod width_map;
@@ -37,4 +40,4 @@ pub use radial_search::RadialSearch;
 pub use single_sample::{SingleSample, WidthLookup, Widths};
 pub use vssm::Vssm;
 pub use width_map::WidthMap;
-pub use window::Window;
+pub use window::{Hierarchy, Window};

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::expectation;
 use crate::offset::Offset;
 use crate::slices::SliceStore;
+use crate::window::{Hierarchy, check_map};
 
 /// How the shares that slices hide are put together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -145,6 +146,7 @@ impl OcclusionTextures {
 impl TechniqueConfig for OcclusionTextures {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
         let estimator = self.estimator()?;
+        check_map(&self.map, Hierarchy::None)?;
         let store = Box::new(SliceStore::new(gpu, self)?);
         let arrange = Box::new(Offset { hard: self.map.omni, offset: self.offset });
         Ok(Box::new(MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?))
@@ -155,7 +157,7 @@ impl TechniqueConfig for OcclusionTextures {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::expectation(&self.map, case)
+        expectation::of_slices(&self.map, self.slices, case)
     }
 }
 

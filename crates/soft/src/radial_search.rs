@@ -40,7 +40,7 @@ impl TechniqueConfig for RadialSearch {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::expectation(&self.map, case)
+        expectation::of_search(&self.map, case)
     }
 }
 

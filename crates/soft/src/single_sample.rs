@@ -147,7 +147,7 @@ impl TechniqueConfig for SingleSample {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::expectation(&self.map, case)
+        expectation::of_widths(&self.map, f64::from(self.scale), f64::from(self.bias), case)
     }
 }
 

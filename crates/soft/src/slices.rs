@@ -190,7 +190,9 @@ impl SliceStore {
             let depths = || map.hull().iter().map(|p| along(*p));
             let far = depths().fold(f64::NEG_INFINITY, f64::max);
             let near = depths().fold(f64::INFINITY, f64::min);
-            // Casters at the light itself are at a ten-thousandth of the way.
+            // Where the first slice begins: no caster behind the light hides any of it. Planes lie a ten-thousandth of the way
+            // off at least.
+            let first = if parallel { near } else { near.max(0.0) };
             let near = if parallel { near } else { near.max(1e-4 * far) };
             let extent = map.hull().iter().map(|p| p.distance(map.hull()[0])).fold(0.0, f64::max);
             // A sheet parallel to the light has slices of a thickness, too. What lies on the last plane is before it.
@@ -214,12 +216,17 @@ impl SliceStore {
                 let over = if fade > 0.0 { 1.0 / fade } else { 0.0 };
                 slices.planes[k] = [*plane as f32, over as f32, 0.0, 0.0];
                 // With the slice before it, which it succeeds.
-                let first = if self.config.successor { k.saturating_sub(1) } else { k };
-                let from = if first == 0 { near } else { found[first - 1] };
+                let begin = if self.config.successor { k.saturating_sub(1) } else { k };
+                let from = if begin == 0 { first } else { found[begin - 1] };
                 // Slices share a little, so that nothing falls between them by rounding: a few units of the last place of
                 // 32-bit floats, 2^-23, of distances from where they are seen.
                 let little = 1e-5 * (plane - from) + 1e-6 * (stand_off + plane.abs() + extent);
-                let least = if parallel { f64::NEG_INFINITY } else { 0.5 * near };
+                // Seen from behind the light, all before it may be drawn; from its centre, what is not at it.
+                let least = match parallel {
+                    true => f64::NEG_INFINITY,
+                    false if stand_off > 0.1 * near => 0.0,
+                    false => 0.5 * near,
+                };
                 let (from, to) = ((from - little).max(least), plane + little);
                 let off = axis.dot(center);
                 self.drawn.push(Slice {

@@ -1,14 +1,15 @@
-//! What soft shadows read beside the map: the light, and a pyramid of depths.
+//! What soft shadows read beside the map: the light, bounds of depths, sums of them, and deeper layers.
 
 use antumbra_gpu::{
-    BindGroupCache, Counters, Frame, Gpu, GpuError, LayerJob, Recorder, Sat, bind, entries,
-    read_buffer,
+    BindGroupCache, Counters, Frame, Gpu, GpuError, Recorder, Sat, bind, entries, read_buffer,
 };
 use antumbra_map::{ShadowMap, Store};
 use antumbra_scene::Light;
-use antumbra_shaders::module;
 
+use crate::bounding::Bounding;
+use crate::deeper::Deeper;
 use crate::facing::{axes, half_sides};
+use crate::table::Table;
 use crate::twin::View;
 use crate::window::Window;
 
@@ -85,96 +86,50 @@ impl AreaLight {
     }
 }
 
-/// What the bind group holds that may change: the pyramid and the table.
-type Bound = [Option<wgpu::TextureView>; 2];
+/// What the bind group holds that may change: the pyramid in bindings 1 and 4, the table in 3, deeper layers in 5 to 7.
+type Bound = [Option<wgpu::TextureView>; 6];
 
-/// The light and its views, the pyramid, the tally, and a table of sums, in bind group 2.
+const BOUND: [u32; 6] = [1, 4, 3, 5, 6, 7];
+
+/// The light and its views, the pyramid, the tally, a table of sums and deeper layers, in bind group 2.
 #[derive(Debug)]
 pub(crate) struct AreaStore {
     window: Window,
     layout: wgpu::BindGroupLayout,
     light: wgpu::Buffer,
     tally: wgpu::Buffer,
-    pyramid: Pyramid,
+    bounding: Option<Bounding>,
     table: Option<Table>,
+    deeper: Option<Deeper>,
     group: BindGroupCache<Bound>,
     map: Option<wgpu::TextureView>,
     is_hard: bool,
 }
 
-/// A summed-area table of the map's linear depth.
-#[derive(Debug)]
-struct Table {
-    sat: Sat,
-    jobs: Vec<LayerJob>,
-    /// In its place where there is no map.
-    nothing: wgpu::TextureView,
-}
-
-impl Table {
-    fn new(gpu: &Gpu, sat: Sat) -> Result<Self, GpuError> {
-        let texture = gpu.create_texture(
-            "no table",
-            &wgpu::TextureDescriptor {
-                label: Some("no table"),
-                size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::Rg32Uint,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            },
-        )?;
-        let nothing = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            ..Default::default()
-        });
-        Ok(Self { sat, jobs: Vec::new(), nothing })
-    }
-
-    fn prepare(&mut self, gpu: &Gpu, map: &ShadowMap, is_hard: bool) -> Result<(), GpuError> {
-        self.jobs.clear();
-        let Some(view) = map.view().filter(|_| !is_hard) else { return Ok(()) };
-        self.jobs.extend(map.linear_depths().iter().enumerate().map(|(layer, linear)| LayerJob {
-            source: layer as u32,
-            // All that is drawn is kept where it is.
-            parameters: [linear.coefficients.map(|c| c as f32), [0.0, 0.0, 0.0, 1.0]],
-        }));
-        self.sat.prepare(gpu, view, map.size(), &self.jobs)
-    }
-
-    fn view(&self) -> &wgpu::TextureView {
-        self.sat.view().unwrap_or(&self.nothing)
-    }
-
-    fn texels(&self) -> u64 {
-        if self.jobs.is_empty() { 0 } else { self.sat.texels() }
-    }
-}
-
 impl AreaStore {
     pub(crate) fn new(gpu: &Gpu, window: &Window) -> Result<Self, GpuError> {
-        Self::with_table(gpu, window, None)
+        Self::with(gpu, window, None, 1)
     }
 
-    /// With a table of integers of two channels of the map's linear depth, for binding 3.
-    pub(crate) fn with_table(
+    /// With a table of integers of two channels of the map's linear depth, for binding 3, and so many layers.
+    pub(crate) fn with(
         gpu: &Gpu,
         window: &Window,
         table: Option<Sat>,
+        layers: u32,
     ) -> Result<Self, GpuError> {
         window.validate()?;
+        let bounding = Bounding::new(gpu, window.hierarchy)?;
         let mut all = vec![entries::storage(0, CS)];
-        if window.hierarchy {
-            all.push(entries::texels(1, CS, true));
-        }
+        all.extend(bounding.iter().flat_map(Bounding::entries));
         if window.tally {
             all.push(entries::write_storage(2, CS));
         }
         if table.is_some() {
             all.push(entries::unsigned_array(3, CS));
         }
+        let deeper = Deeper::new(gpu, layers)?;
+        all.extend(deeper.iter().flat_map(|_| Deeper::entries()));
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("area light"),
             entries: &all,
@@ -186,12 +141,21 @@ impl AreaStore {
             layout,
             light: gpu.buffer("area light", &zeros, usage),
             tally: gpu.buffer("tally", &[0; 16], usage | wgpu::BufferUsages::COPY_SRC),
-            pyramid: Pyramid::new(gpu)?,
+            bounding,
             table: table.map(|sat| Table::new(gpu, sat)).transpose()?,
+            deeper,
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
         })
+    }
+
+    fn bound(&self) -> Bound {
+        let [pyramid, stack] = self.bounding.as_ref().map_or([None, None], Bounding::views);
+        let table = self.table.as_ref().map(|table| table.view().clone());
+        let [second, third, fourth] =
+            self.deeper.as_ref().map_or([None, None, None], |deeper| deeper.views().map(Some));
+        [pyramid, stack, table, second, third, fourth]
     }
 }
 
@@ -222,18 +186,20 @@ impl Store for AreaStore {
         if self.window.tally {
             gpu.queue.write_buffer(&self.tally, 0, &[0; 16]);
         }
-        if self.window.hierarchy {
-            self.pyramid.prepare(gpu, map, self.is_hard)?;
+        if let Some(bounding) = &mut self.bounding {
+            bounding.prepare(gpu, map, self.is_hard)?;
         }
-        let pyramid = self.pyramid.whole().filter(|_| self.window.hierarchy).cloned();
         if let Some(table) = &mut self.table {
             table.prepare(gpu, map, self.is_hard)?;
         }
-        let table = self.table.as_ref().map(|table| table.view().clone());
-        self.group.get([pyramid, table], |[pyramid, table]| {
+        if let Some(deeper) = &mut self.deeper {
+            deeper.prepare(gpu, frame, map)?;
+        }
+        self.group.get(self.bound(), |bound| {
             let mut all = vec![bind::buffer(0, &self.light)];
-            all.extend(pyramid.as_ref().map(|view| bind::texture(1, view)));
-            all.extend(table.as_ref().map(|view| bind::texture(3, view)));
+            for (binding, view) in BOUND.iter().zip(bound) {
+                all.extend(view.as_ref().map(|view| bind::texture(*binding, view)));
+            }
             if self.window.tally {
                 all.push(bind::buffer(2, &self.tally));
             }
@@ -248,16 +214,19 @@ impl Store for AreaStore {
 
     fn encode(
         &mut self,
-        _gpu: &Gpu,
-        _frame: &Frame<'_>,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
         map: &ShadowMap,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError> {
-        if self.window.hierarchy && !self.is_hard && self.map.is_some() {
-            self.pyramid.encode(map, recorder);
+        if let Some(deeper) = &mut self.deeper {
+            deeper.encode(gpu, frame, map, recorder)?;
         }
-        if let Some(table) = self.table.as_ref().filter(|table| !table.jobs.is_empty()) {
-            table.sat.encode(recorder, "soft/sum");
+        if let Some(bounding) = &self.bounding {
+            bounding.encode(recorder);
+        }
+        if let Some(table) = &self.table {
+            table.encode(recorder);
         }
         Ok(())
     }
@@ -279,9 +248,11 @@ impl Store for AreaStore {
     }
 
     fn counters(&self) -> Counters {
-        let pyramid = if self.is_hard { 0 } else { self.pyramid.texels };
-        let texels = pyramid + self.table.as_ref().map_or(0, Table::texels);
-        Counters::from([("store_texels", texels)])
+        let texels = self.bounding.as_ref().map_or(0, Bounding::texels)
+            + self.table.as_ref().map_or(0, Table::texels);
+        let mut counters = self.deeper.as_ref().map_or_else(Counters::new, Deeper::counters);
+        counters.insert("store_texels", texels);
+        counters
     }
 
     fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
@@ -296,141 +267,10 @@ impl Store for AreaStore {
     }
 
     fn bytes(&self) -> u64 {
-        let table = self.table.as_ref().map_or(0, |table| table.sat.bytes());
-        self.light.size() + self.tally.size() + self.pyramid.bytes + table
+        self.light.size()
+            + self.tally.size()
+            + self.bounding.as_ref().map_or(0, Bounding::bytes)
+            + self.table.as_ref().map_or(0, Table::bytes)
+            + self.deeper.as_ref().map_or(0, Deeper::bytes)
     }
-}
-
-/// Greatest and least depths of each layer of a map, level by level: a mip chain of `Rg32Float`.
-#[derive(Debug)]
-struct Pyramid {
-    layout: wgpu::BindGroupLayout,
-    from_map: wgpu::ComputePipeline,
-    from_level: wgpu::ComputePipeline,
-    levels: Option<Levels>,
-    bytes: u64,
-    texels: u64,
-}
-
-#[derive(Debug)]
-struct Levels {
-    texture: wgpu::Texture,
-    whole: wgpu::TextureView,
-    each: Vec<wgpu::TextureView>,
-    groups: BindGroupCache<wgpu::TextureView>,
-    above: Vec<wgpu::BindGroup>,
-}
-
-impl Pyramid {
-    fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("depth pyramid"),
-            entries: &[
-                entries::texels(0, CS, true),
-                entries::write_array(1, CS, wgpu::TextureFormat::Rg32Float),
-            ],
-        });
-        let pipeline = |below| -> Result<wgpu::ComputePipeline, GpuError> {
-            let linked = antumbra_shaders::link("soft::pyramid", &[module("below", below)])?;
-            let shader = gpu.shader("depth pyramid", linked);
-            Ok(gpu.compute_pipeline("depth pyramid", &shader, "level", &[&layout]))
-        };
-        Ok(Self {
-            from_map: pipeline("soft::below_map")?,
-            from_level: pipeline("soft::below_level")?,
-            layout,
-            levels: None,
-            bytes: 0,
-            texels: 0,
-        })
-    }
-
-    fn whole(&self) -> Option<&wgpu::TextureView> {
-        self.levels.as_ref().map(|levels| &levels.whole)
-    }
-
-    /// Makes room for a map; for one without casters, or if `is_hard`, a texel that nobody reads.
-    fn prepare(&mut self, gpu: &Gpu, map: &ShadowMap, is_hard: bool) -> Result<(), GpuError> {
-        let texture = map.texture().filter(|_| !is_hard);
-        let layers = texture.map_or(1, wgpu::Texture::depth_or_array_layers);
-        let side = texture.map_or(1, |t| t.width().next_power_of_two().max(2) / 2);
-        let fits = |levels: &&mut Levels| {
-            levels.texture.width() >= side && levels.texture.depth_or_array_layers() >= layers
-        };
-        if self.levels.as_mut().filter(fits).is_none() {
-            let levels = Levels::new(gpu, &self.layout, side, layers)?;
-            self.texels = (0..levels.each.len()).map(|l| u64::from(side >> l).pow(2)).sum::<u64>();
-            self.texels *= u64::from(layers);
-            self.bytes = 8 * self.texels;
-            self.levels = Some(levels);
-        }
-        if let (Some(levels), Some(view)) = (&mut self.levels, map.view().filter(|_| !is_hard)) {
-            let first = levels.each[0].clone();
-            levels.groups.get(view.clone(), |view| group(gpu, &self.layout, view, &first));
-        }
-        Ok(())
-    }
-
-    fn encode(&mut self, map: &ShadowMap, recorder: &mut Recorder<'_>) {
-        let Some(levels) = &self.levels else { return };
-        let layers = map.views().iter().filter(|view| view.clip.is_some()).count() as u32;
-        let mut pass = recorder.compute_pass("soft/pyramid");
-        let groups = levels.groups.kept().into_iter().chain(&levels.above);
-        for (level, group) in groups.enumerate() {
-            pass.set_pipeline(if level == 0 { &self.from_map } else { &self.from_level });
-            pass.set_bind_group(0, group, &[]);
-            let side = (levels.texture.width() >> level).max(1).div_ceil(8);
-            pass.dispatch_workgroups(side, side, layers);
-        }
-    }
-}
-
-impl Levels {
-    fn new(
-        gpu: &Gpu,
-        layout: &wgpu::BindGroupLayout,
-        side: u32,
-        layers: u32,
-    ) -> Result<Self, GpuError> {
-        let count = side.ilog2() + 1;
-        let texture = gpu.create_texture(
-            "depth pyramid",
-            &wgpu::TextureDescriptor {
-                label: Some("depth pyramid"),
-                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
-                mip_level_count: count,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::Rg32Float,
-                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            },
-        )?;
-        let view = |base_mip_level, mip_level_count| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                label: Some("depth pyramid"),
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                base_mip_level,
-                mip_level_count: Some(mip_level_count),
-                ..Default::default()
-            })
-        };
-        let each: Vec<_> = (0..count).map(|level| view(level, 1)).collect();
-        let above = each.windows(2).map(|pair| group(gpu, layout, &pair[0], &pair[1])).collect();
-        let (whole, groups) = (view(0, count), BindGroupCache::default());
-        Ok(Self { whole, each, groups, above, texture })
-    }
-}
-
-fn group(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    below: &wgpu::TextureView,
-    level: &wgpu::TextureView,
-) -> wgpu::BindGroup {
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("depth pyramid"),
-        layout,
-        entries: &[bind::texture(0, below), bind::texture(1, level)],
-    })
 }

@@ -7,8 +7,9 @@ use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
-use crate::window::Window;
-use crate::{Facing, expectation, store::AreaStore};
+use crate::expectation::{self, Accuracy, HANDED_OVER};
+use crate::window::{Hierarchy, Window, check_map};
+use crate::{Facing, store::AreaStore};
 
 /// Variance soft shadow mapping (Yang, Dong, Feng, Seidel, Kautz 2010): percentage-closer soft shadows whose two windows, of
 /// any size, are read from a table of sums of depth and its square. Takes as long whatever the light's size. 8 bytes a
@@ -18,9 +19,8 @@ use crate::{Facing, expectation, store::AreaStore};
 pub struct Vssm {
     /// The shadow map, which has to hold receivers, too. The cone of its bias counts for one texel.
     pub map: MapConfig,
-    /// Finds what is lit, and narrows the search window, by a pyramid of depths. Default true. Costs 8/3 of the map's
-    /// memory and a pass over it.
-    pub hierarchy: bool,
+    /// Finds what is lit, and narrows the search window. Default a mipmap. Costs a pass over the map.
+    pub hierarchy: Hierarchy,
     /// Takes a receiver for dark where all texels of its window are nearer. Default true, as published; needs `hierarchy`.
     pub umbra: bool,
     /// Parts a side into which a window is divided whose mean depth is not nearer than the receiver, 1 to 8, default 4. Cost:
@@ -39,7 +39,7 @@ impl Default for Vssm {
     fn default() -> Self {
         Self {
             map: MapConfig::default(),
-            hierarchy: true,
+            hierarchy: Hierarchy::Mip,
             umbra: true,
             parts: 4,
             strips: 8,
@@ -102,6 +102,7 @@ impl Vssm {
 impl TechniqueConfig for Vssm {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
         let estimator = self.estimator()?;
+        check_map(&self.map, self.hierarchy)?;
         let sat = Sat::new(
             gpu,
             &SatShader {
@@ -111,7 +112,7 @@ impl TechniqueConfig for Vssm {
                 numbers: self.numbers(),
             },
         )?;
-        let store = Box::new(AreaStore::with_table(gpu, &self.window(), Some(sat))?);
+        let store = Box::new(AreaStore::with(gpu, &self.window(), Some(sat), 1)?);
         let arrange = Box::new(Facing { hard: self.map.omni });
         Ok(Box::new(MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?))
     }
@@ -121,7 +122,20 @@ impl TechniqueConfig for Vssm {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::expectation(&self.map, case)
+        // A cone of one texel moves the receiver nearer by r. Of a share c hidden d before it, the bound leaves
+        // (cd - r)^2 / (c (1 - c) d^2 + (cd - r)^2): up to 2 r / d less.
+        let size = f64::from(self.map.size);
+        let off = |across: f64, d: f64| {
+            2.0 * f64::from(self.map.bias.cone) * std::f64::consts::SQRT_2 * across / size / d
+        };
+        let accuracy = Accuracy {
+            apart: off(8.0, 2.0),
+            contact: off(1.6, 1.0),
+            edge: off(6.0, 5.0),
+            cone: 0.0,
+            rise: HANDED_OVER,
+        };
+        expectation::over_a_map(&self.map, &accuracy, case)
     }
 }
 

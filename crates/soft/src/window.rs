@@ -1,17 +1,35 @@
 //! How a technique looks for occluders.
 
 use antumbra_gpu::GpuError;
-use antumbra_map::{Estimator, MapRead};
+use antumbra_map::{Estimator, MapConfig, MapRead};
 use antumbra_shaders::{Slot, module, source};
 use serde::{Deserialize, Serialize};
+
+/// What knows the least and the greatest depth of a window. None changes an answer but [`Window::umbra`]'s; the tighter its
+/// bounds the fewer receivers and texels are left to be looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hierarchy {
+    /// Nothing.
+    None,
+    /// A mipmap, the hierarchical shadow map (Guennebaud, Barthe, Paulin 2006): four windows at multiples of their side, which
+    /// together may be up to four times as long as asked. 2 2/3 bytes a texel of the map.
+    #[default]
+    Mip,
+    /// The multiscale shadow map (Schwarz, Stamminger 2007): windows at every texel, exact for squares. 8 bytes a texel and
+    /// level: 88 for a map of 1024.
+    Multiscale,
+    /// The Y shadow map (Schwarz, Stamminger 2008): windows at every fourth texel. 7.5 bytes a texel for a map of 1024. For maps
+    /// of at least 8 texels a side.
+    Y,
+}
 
 /// The search for texels that may hide some of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Window {
-    /// Narrows the window, and finds what is lit for certain, by a pyramid of least and greatest depths (Guennebaud,
-    /// Barthe, Paulin 2006). Default true; changes no answer. Costs 8/3 of the map's memory and a pass over it.
-    pub hierarchy: bool,
+    /// Narrows the window, and finds what is lit for certain. Default a mipmap. Costs a pass over the map.
+    pub hierarchy: Hierarchy,
     /// Takes a receiver for dark where all texels of its window are nearer than it, without asking whether light slips
     /// between them. Default true, as published; needs `hierarchy`.
     pub umbra: bool,
@@ -24,8 +42,27 @@ pub struct Window {
 
 impl Default for Window {
     fn default() -> Self {
-        Self { hierarchy: true, umbra: true, budget: 64, tally: false }
+        Self { hierarchy: Hierarchy::Mip, umbra: true, budget: 64, tally: false }
     }
+}
+
+/// Refuses what views from a light with an extent do not have, before anything is made.
+///
+/// # Errors
+/// Maps for single objects, or a map too small for the hierarchy.
+pub(crate) fn check_map(map: &MapConfig, hierarchy: Hierarchy) -> Result<(), GpuError> {
+    let invalid = |what, value, fix| Err(GpuError::Invalid { what, value, fix });
+    if map.objects != 0 {
+        let value = format!("{} under a soft shadow", map.objects);
+        let fix =
+            "leave `objects` at 0: what hides a part of the light may lie in any object's map";
+        return invalid("maps of single objects", value, fix);
+    }
+    if hierarchy == Hierarchy::Y && map.size < 8 {
+        let fix = "use a map of at least 8 texels a side, or another hierarchy";
+        return invalid("size under a Y map", map.size.to_string(), fix);
+    }
+    Ok(())
 }
 
 impl Window {
@@ -62,7 +99,9 @@ impl Window {
     ) -> Estimator {
         let config = format!(
             "const HIERARCHY: bool = {};\nconst UMBRA: bool = {};\nconst BUDGET: i32 = {};\n{constants}",
-            self.hierarchy, self.umbra, self.budget,
+            self.hierarchy != Hierarchy::None,
+            self.umbra,
+            self.budget,
         );
         let mut all = vec![
             module("store", store),
@@ -70,8 +109,11 @@ impl Window {
             module("estimator", path),
             source("config", config),
         ];
-        if !self.hierarchy {
-            all.push(module("soft::bounds", "soft::no_bounds"));
+        match self.hierarchy {
+            Hierarchy::None => all.push(module("soft::bounds", "soft::no_bounds")),
+            Hierarchy::Mip => {}
+            Hierarchy::Multiscale => all.push(module("soft::bounds", "soft::bounds_multiscale")),
+            Hierarchy::Y => all.push(module("soft::bounds", "soft::bounds_y")),
         }
         if !self.tally {
             all.push(module("soft::tally", "soft::no_tally"));

@@ -96,9 +96,12 @@ impl FlatCaster {
         gpu: &Gpu,
         technique: &mut dyn Technique,
     ) -> Result<f64, MeasureError> {
-        let points = self.floor_samples();
-        let stage = Stage::at_points(gpu, &self.scene, &points)?;
-        self.farthest_wrong_of(gpu, technique, &stage, &self.light)
+        self.farthest_wrong_of(gpu, technique, &self.stage(gpu)?, &self.light)
+    }
+
+    /// The scene at samples of the floor.
+    pub(super) fn stage(&self, gpu: &Gpu) -> Result<Stage, MeasureError> {
+        Stage::at_points(gpu, &self.scene, &self.floor_samples())
     }
 
     /// As [`FlatCaster::farthest_wrong`], of the samples of `stage`, all of them on the floor, under `light`.

@@ -6,10 +6,11 @@ use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::techniques::{Map, Receiver};
 use super::{Seen, View};
-use crate::{Bitmask, Occluders, Pcss, Samples, Window};
+use crate::{Bitmask, Hierarchy, Occluders, Pcss, Samples, Window};
 
 const SIZE: i32 = 1024;
-const EVERY_TEXEL: Window = Window { hierarchy: false, umbra: false, budget: 1024, tally: false };
+const EVERY_TEXEL: Window =
+    Window { hierarchy: Hierarchy::None, umbra: false, budget: 1024, tally: false };
 
 /// Light travels down -z of the clip matrix; z of these cases is its distance.
 fn clip() -> DMat4 {

@@ -76,6 +76,7 @@ struct Share {
     hidden: f64,
     depth: f64,
     valid: bool,
+    inside: f64,
 }
 
 impl<'a> Table<'a> {
@@ -149,7 +150,7 @@ impl<'a> Table<'a> {
         }
         let through = |depth| self.seen_through(receiver, config, rounding, depth);
         let found = through(nearest);
-        if found.hidden < 1e-4 {
+        if found.hidden <= 1e-4 * found.inside {
             return 1.0;
         }
         let linear = (found.depth / found.hidden + 0.5).max(self.of_depth(nearest));
@@ -169,13 +170,24 @@ impl<'a> Table<'a> {
             let mut share = self.bounded(receiver, config, rounding, corners);
             if !share.valid {
                 let rows = if light.is_box { config.parts } else { 1 };
-                share = self.divided(receiver, config, rounding, corners, rows);
+                let size = DVec2::splat(f64::from(self.map.size));
+                let cut = corners.map(|corner| corner.clamp(DVec2::ZERO, size));
+                let inside = share.inside;
+                let of = self.divided(receiver, config, rounding, cut, rows);
+                let (hidden, depth) = (inside * of.hidden, inside * of.depth);
+                share = Share { hidden, depth, inside, ..share };
             }
             all.hidden += weight * share.hidden;
             all.depth += weight * share.depth;
+            all.inside += weight * share.inside;
             total += weight;
         }
-        Share { hidden: (all.hidden / total).clamp(0.0, 1.0), depth: all.depth / total, ..all }
+        Share {
+            hidden: (all.hidden / total).clamp(0.0, 1.0),
+            depth: all.depth / total,
+            inside: all.inside / total,
+            valid: true,
+        }
     }
 
     fn divided(
@@ -236,6 +248,7 @@ impl<'a> Table<'a> {
             hidden: inside * (1.0 - lit),
             depth: inside * (mean[0] - lit * z),
             valid: z > mean[0],
+            inside,
         }
     }
 
