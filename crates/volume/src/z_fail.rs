@@ -18,13 +18,13 @@ pub struct ZFail {
     /// Decoret 2005); default true. Costs a reduction of the view samples and a few sphere tests a triangle, and
     /// changes no bit of the answer.
     pub culling: bool,
-    /// What of volumes is not drawn since it decides nothing; default none.
+    /// What of volumes is not drawn since it decides nothing; default [`Savings::WINDOW`].
     pub savings: Savings,
 }
 
 impl Default for ZFail {
     fn default() -> Self {
-        Self { counter: Counter::default(), culling: true, savings: Savings::default() }
+        Self { counter: Counter::default(), culling: true, savings: Savings::WINDOW }
     }
 }
 
