@@ -393,11 +393,19 @@ fn a_shadow_far_off_is_the_same_far_from_the_origin() {
     let (there, moved) = (scene.translated(offset), light.translated(offset));
     for (side, mut technique) in techniques(&gpu) {
         let home = seen(&scene, &light, &mut technique);
-        assert!(home.iter().any(|v| *v == 0.0), "a shadow is seen");
-        assert_eq!(home, seen(&there, &moved, &mut technique), "{side} x {side}");
+        assert!(home.contains(&0.0), "a shadow is seen");
+        // The origin of so large a scene moves in steps of 128 m, of which 1e5 m is no multiple. So all roundings are
+        // others, and a sample within as much of a shadow's edge may change sides: of 16384, 4 may.
+        let away = seen(&there, &moved, &mut technique);
+        let differing = |other: &[f32]| {
+            home.iter().zip(other).filter(|(a, b)| (*a - *b).abs() > 1.0 / 256.0).count()
+        };
+        let differ = differing(&away);
+        assert!(differ <= 4, "{side} x {side}: {differ} samples differ");
         // The control: a lamp that is off by a metre, and its shadow by a decimetre.
         let astray = moved.translated(DVec3::X);
-        assert!(home != seen(&there, &astray, &mut technique), "{side} x {side}: goes unnoticed");
+        let differ = differing(&seen(&there, &astray, &mut technique));
+        assert!(differ > 8, "{side} x {side}: goes unnoticed but for {differ} samples");
     }
 }
 
