@@ -8,18 +8,22 @@
 //! One kind of false shadow is left: a crease between two facets that are both lit, and steeper than the bias cone as the
 //! light sees it, which happens where the light grazes one of them. Nothing in a map tells it from a caster.
 
+#[path = "shared/on_plane.rs"]
+mod on_plane;
+
 use std::collections::HashMap;
 
 use antumbra_filter::PcfHardware;
 use antumbra_gpu::Gpu;
-use antumbra_map::{Bias, Estimator, FittedView, MapConfig, MapTechnique};
+use antumbra_map::{Bias, Estimator, MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_reference::{
     ACNE_BELOW, ACNE_CLEARANCE, Ray, SampleClass, Tracer, Truth, TruthOptions, ViewSample,
 };
 use antumbra_scene::{Light, LightKind, generate};
 use antumbra_tests::gpu;
-use glam::{DMat2, DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
+use on_plane::{centers, on_plane, texel, view_of};
 
 const MAP: u32 = 1024;
 const VIEW: u32 = 256;
@@ -42,38 +46,6 @@ fn suspects(truth: &Truth, visibility: &[f32], width: usize) -> (Vec<usize>, usi
     let lit: Vec<usize> = (0..truth.class.len()).filter(lit).collect();
     let count = lit.len();
     (lit.into_iter().filter(|i| visibility[*i] < ACNE_BELOW).collect(), count)
-}
-
-/// The view of the map in which a point lies: the only one, or the cube's face.
-fn view_of(views: &[FittedView], p: DVec3) -> Option<&FittedView> {
-    let index = if views.len() == 1 {
-        0
-    } else {
-        let from = p - views[0].light.truncate();
-        let axis = from.abs().max_position();
-        2 * axis + usize::from(from[axis] < 0.0)
-    };
-    views.get(index)
-}
-
-fn texel(clip: &DMat4, p: DVec3) -> DVec2 {
-    let ndc = clip.project_point3(p);
-    (DVec2::splat(0.5) + DVec2::new(0.5, -0.5) * ndc.truncate()) * f64::from(MAP)
-}
-
-/// The point of the plane through `p` with normal `n` that the map shows at `center`.
-fn on_plane(clip: &DMat4, p: DVec3, n: DVec3, center: DVec2) -> DVec3 {
-    let (u, v) = n.any_orthonormal_pair();
-    let mut q = p;
-    // Newton's steps: affine for parallel light, and a texel is small beside the distance of a lamp.
-    for _ in 0..4 {
-        let t = texel(clip, q);
-        let step = 1e-4 * (1.0 + p.length());
-        let column = |d: DVec3| (texel(clip, q + d * step) - t) / step;
-        let by = DMat2::from_cols(column(u), column(v)).inverse() * (center - t);
-        q += u * by.x + v * by.y;
-    }
-    q
 }
 
 /// Whether the surface around `p` is truly in shadow at `q`, which lies on its tangent plane.
@@ -182,12 +154,6 @@ fn beside(p: DVec3, [a, b]: [DVec3; 2], towards: DVec3) -> f64 {
     (a + (b - a) * along).length()
 }
 
-/// Centres of the texels that a kernel of `side` x `side` compares at `t`.
-fn centers(t: DVec2, side: i32) -> impl Iterator<Item = DVec2> {
-    let first = (t - 0.5 * f64::from(side - 1)).floor() + 0.5;
-    (0..side * side).map(move |i| first + DVec2::new(f64::from(i % side), f64::from(i / side)))
-}
-
 /// How many lit samples a kernel darkens without a shadow: at creases, of those that lie as near to a steep crease as the
 /// kernel reaches; and without a reason.
 #[derive(Debug)]
@@ -228,7 +194,8 @@ fn inspect(
         let (p, n) = (points[i].position.as_dvec3(), points[i].normal.as_dvec3());
         let clip = view_of(technique.map().views(), p).and_then(|view| view.clip);
         let centers = clip.map(|clip| {
-            centers(texel(&clip, p), side).map(move |center| on_plane(&clip, p, n, center))
+            centers(texel(&clip, p, MAP), side)
+                .map(move |center| on_plane(&clip, (p, n), center, MAP))
         });
         (p, n, centers.into_iter().flatten().collect::<Vec<_>>())
     };

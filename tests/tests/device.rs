@@ -260,3 +260,26 @@ fn meshes_that_are_beyond_a_buffer_are_refused() {
     let refused = MeshSet::from_triangles(&gpu, &triangles).map(|_| ());
     assert!(matches!(refused, Err(GpuError::Limit { .. })), "{refused:?}");
 }
+
+#[test]
+fn vertices_that_are_not_finite_are_refused_with_a_fix() {
+    let gpu = gpu();
+    let whole = scene().triangles(DVec3::ZERO).expect("a valid scene");
+    assert!(MeshSet::from_triangles(&gpu, &whole).is_ok(), "the scene as it is");
+    for number in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut triangles = whole.clone();
+        triangles.positions[3].y = number;
+        let refused = MeshSet::from_triangles(&gpu, &triangles).map(|_| ());
+        let named = matches!(refused, Err(GpuError::Invalid { what: "vertex position", .. }));
+        assert!(named, "{number}: {refused:?}");
+        let mut scene = scene();
+        scene.meshes[0].positions[0].x = number;
+        let refused = MeshSet::new(&gpu, &scene).map(|_| ());
+        assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{number}: {refused:?}");
+    }
+    let mut triangles = whole;
+    triangles.triangles[0][1] = triangles.positions.len() as u32;
+    let refused = MeshSet::from_triangles(&gpu, &triangles).map(|_| ());
+    assert!(matches!(refused, Err(GpuError::Invalid { what: "vertex index", .. })), "{refused:?}");
+    assert_eq!(gpu.check(), Ok(()), "nothing reached wgpu");
+}

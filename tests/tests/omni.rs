@@ -1,6 +1,9 @@
 //! Layouts for lights that shine all around, each under every estimator: right where the cube is, seamless, and
 //! what is particular to charts.
 
+#[path = "omni/room.rs"]
+mod room;
+
 use antumbra::Config;
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfHardware, PcfPoisson};
 use antumbra_gpu::{

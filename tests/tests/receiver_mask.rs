@@ -119,6 +119,21 @@ fn no_scene_shows_its_mask() {
     }
 }
 
+/// HC-27, poles in the shadow of a wall, and HC-28, cubes below the floor: some of what is there is not drawn.
+#[test]
+fn behind_a_wall_and_below_a_floor_less_is_drawn() {
+    let gpu = gpu();
+    for (scene, size) in [(generate::poles(30, true), 512), (generate::two_storeys(true), 512)] {
+        let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 96, 96).expect("a stage");
+        let light = scene.lights[0];
+        let pairs = compare(&gpu, &stage, &light, size, &scene.name);
+        // Maps of one view, which draws each triangle once.
+        for (few, _) in &pairs[..6] {
+            assert!(*few < scene.triangle_count() as u64, "{}: all {few} triangles", scene.name);
+        }
+    }
+}
+
 /// Boxes behind a wall, as the camera sees them, under a sun overhead: they shadow only what the wall hides.
 fn behind_a_wall() -> (Scene, Camera) {
     let mut scene = Scene::default();

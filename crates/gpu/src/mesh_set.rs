@@ -66,11 +66,12 @@ impl MeshSet {
         Self::from_triangles(gpu, &triangles)
     }
 
-    /// Uploads triangles whose positions are finite and whose indices are in range. Within an instance they are
-    /// reordered, so that neighbours in space are neighbours in the index buffer and can be culled together.
+    /// Uploads triangles. Within an instance they are reordered, so that neighbours in space are neighbours in the index
+    /// buffer and can be culled together.
     ///
     /// # Errors
-    /// A cut-out without its data, or more data than the device takes in one buffer.
+    /// A position that is not finite, an index out of range, a cut-out without its data, or more data than the device
+    /// takes in one buffer.
     pub fn from_triangles(gpu: &Gpu, triangles: &Triangles) -> Result<Self, GpuError> {
         let device = &gpu.device;
         let limit =
@@ -83,6 +84,22 @@ impl MeshSet {
                     limit,
                 });
             }
+        }
+        if let Some(p) = triangles.positions.iter().find(|p| !p.is_finite()) {
+            return Err(GpuError::Invalid {
+                what: "vertex position",
+                value: p.to_string(),
+                fix: "leave out triangles whose corners are not finite",
+            });
+        }
+        let count = triangles.positions.len();
+        if let Some(t) = triangles.triangles.iter().find(|t| t.iter().any(|&i| i as usize >= count))
+        {
+            return Err(GpuError::Invalid {
+                what: "vertex index",
+                value: format!("{t:?}, of {count} vertices"),
+                fix: "let indices be below the number of positions",
+            });
         }
         let buffer = |label, contents: &[u8], usage| {
             // A buffer may not be empty; four bytes that nothing draws.
