@@ -8,10 +8,11 @@ use antumbra_map::{
 };
 use antumbra_measure::Stage;
 use antumbra_measure::stability::Case;
+use antumbra_reference::ViewSample;
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Light, LightKind, Scene};
 use antumbra_tests::gpu;
-use glam::{DAffine3, DMat4, DVec3};
+use glam::{DAffine3, DMat4, DVec2, DVec3};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
@@ -254,6 +255,49 @@ fn a_bias_in_metres_leaks_as_far_as_geometry_says() {
         let cube = gap("HC-05 cube", Config::SecondDepth(config)) * 2.0;
         assert!((cube - 0.0707).abs() <= texel, "{cube} m behind the cube, {surface:?}");
     }
+}
+
+/// HC-34: an icosahedron under smooth normals. Where a facet turns away from the sun and the smooth normal does not, truth
+/// and the plain map say shadow; a map of back faces holds the very facet, half of which is farther than its texel's
+/// centre and dark, and half lit.
+#[test]
+fn under_smooth_normals_back_faces_shadow_themselves() {
+    let gpu = gpu();
+    let body = shapes::icosphere(0, 1.0);
+    let light = Light::sun(30_f64.to_radians(), 0.4, 0.0);
+    let to_light = light.towards(DVec3::ZERO, DVec2::splat(0.5));
+    let mut samples = Vec::new();
+    for triangle in &body.triangles {
+        let [a, b, c] = triangle.map(|i| body.positions[i as usize].as_dvec3());
+        if (b - a).cross(c - a).normalize().dot(to_light) > -0.05 {
+            continue;
+        }
+        for i in 1..60 {
+            for j in 1..60 - i {
+                let p = a + (b - a) * (f64::from(i) / 60.0) + (c - a) * (f64::from(j) / 60.0);
+                if p.normalize().dot(to_light) > 0.05 {
+                    let (position, normal) = (p.as_vec3(), p.normalize().as_vec3());
+                    samples.push(ViewSample { position, normal });
+                }
+            }
+        }
+    }
+    assert!(samples.len() > 300, "{} samples between the terminators", samples.len());
+    let mut scene = Scene::default();
+    scene.add(body, DAffine3::IDENTITY);
+    let stage = Stage::at_points(&gpu, &scene, &samples).expect("a stage");
+    let dark = |config: Config| {
+        let mut technique = config.build(&gpu).expect("a valid config");
+        let seen = stage.shoot(&gpu, &light, technique.as_mut(), 0).expect("a shot").visibility;
+        seen[..samples.len()].iter().filter(|v| **v < 0.5).count() as f64 / samples.len() as f64
+    };
+    let size = 512;
+    let plain = dark(Config::Plain(Plain { map: MapConfig { size, ..Default::default() } }));
+    let back = dark(Config::SecondDepth(SecondDepth { size, ..Default::default() }));
+    // To four deviations of as many coin flips.
+    let chance = 2.0 / (samples.len() as f64).sqrt();
+    assert!((back - 0.5).abs() <= chance, "{back} of back faces in shadow, to {chance}");
+    assert!(plain > 0.5 + chance, "{plain} in shadow by the plain map");
 }
 
 #[test]
