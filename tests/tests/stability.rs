@@ -80,7 +80,23 @@ const WITHOUT_MAP: [&str; 3] = ["map/planar", "map/shadow-texture", "map/disc"];
 
 /// Families of which something is said on every other case. Of the others, `cargo xtask bench --suite stability` shows
 /// what is measured.
-const JUDGED: &[&str] = &["map/", "filter/pcf", "soft/"];
+const JUDGED: &[&str] = &["map/", "filter/", "soft/"];
+
+/// Filters that bound nothing: of them something is said where casters are level.
+const LEVEL_ONLY: [&str; 5] = [
+    "filter/multiple-depth",
+    "filter/power-function",
+    "filter/blurred-depth",
+    "filter/soft-comparison",
+    "filter/convolution",
+];
+
+/// Bounds leak at creases, by how much nobody has said.
+fn is_a_leaky_crease(config: &Config, case: &str) -> bool {
+    let bounds = ["vsm", "lvsm", "savsm", "esm", "evsm", "msm"];
+    case == "HC-09 boxes in each other"
+        && config.id().strip_prefix("filter/").is_some_and(|id| bounds.contains(&id))
+}
 
 /// Of lights with an extent: soft shadows alone are judged.
 const AREA: &str = "area light";
@@ -95,11 +111,12 @@ fn something_is_said_of_these_techniques_on_every_case() {
         let named = unsaid.map(|case| case.name);
         // Cases of where a map's samples go.
         let placed = |name: &str| WITHOUT_MAP.contains(&config.id()) && name.starts_with('K');
-        named.filter(|name| !placed(name)).collect()
+        named.filter(|name| !placed(name) && !is_a_leaky_crease(config, name)).collect()
     };
     let all: Vec<String> = techniques(1024)
         .iter()
         .filter(|config| JUDGED.iter().any(|family| config.id().starts_with(family)))
+        .filter(|config| !LEVEL_ONLY.contains(&config.id()))
         .map(|config| (config, silent(config)))
         .filter(|(_, cases)| !cases.is_empty())
         .map(|(config, cases)| format!("{config:?}: {cases:?}"))

@@ -4,6 +4,7 @@ use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use serde::{Deserialize, Serialize};
 
+use crate::expectation::of_level_casters;
 use crate::prefilter::{Constant, Prefilter, Recipe, check};
 use crate::vsm::U;
 
@@ -50,17 +51,12 @@ fn recipe(
 }
 
 /// Where a blurred depth is as good as a map, nothing being there to be mixed, and of which cases something is known.
-fn expected(case: &str) -> Option<Expectation> {
-    match case {
-        // A kernel over one's own plane has the plane's depth for its mean, or a farther one.
-        "lone receivers, directional" | "lone receivers, spot" | "lone receivers, point" => {
-            Some(Expectation::Holds { bound: 0.0 })
-        }
-        "HC-03 grazing plane"
-        | "HC-03 grazing plane, diagonal"
-        | "HC-10 triangles below a texel" => Some(Expectation::Holds { bound: 0.0 }),
-        _ => None,
+fn expected(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectation> {
+    // A kernel over one's own plane has the plane's depth for its mean, or a farther one.
+    if case == "HC-10 triangles below a texel" {
+        return Some(Expectation::Holds { bound: 0.0 });
     }
+    of_level_casters(map, estimator, case)
 }
 
 impl BlurredDepth {
@@ -95,7 +91,7 @@ impl TechniqueConfig for BlurredDepth {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expected(case)
+        expected(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -133,7 +129,7 @@ impl TechniqueConfig for SoftComparison {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expected(case)
+        expected(&self.map, &self.estimator().ok()?, case)
     }
 }
 

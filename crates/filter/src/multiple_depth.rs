@@ -5,6 +5,7 @@ use antumbra_map::{Estimator, MapConfig, MapTechnique, expectation as of_a_depth
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
+use crate::expectation::of_level_casters;
 use crate::nbuffer::Ranges;
 use crate::prefilter::{Constant, Prefilter, Recipe, Shape};
 use crate::vsm::U;
@@ -103,9 +104,12 @@ impl TechniqueConfig for MultipleDepth {
     fn expectation(&self, case: &str) -> Option<Expectation> {
         // Comparisons of depths within the kernel: at level receivers and edges it is a kernel like others. Where walls
         // meet, or linear depth is coarse, it is not said yet.
-        let known = ["lone receivers", "HC-01", "HC-03", "HC-06", "HC-10", "HC-14"];
-        let is_known = known.iter().any(|name| case.starts_with(name));
-        is_known.then(|| of_a_depth_map(&self.map, &self.estimator().ok()?, case)).flatten()
+        let known = ["HC-01", "HC-02 light", "HC-10", "HC-14"];
+        let estimator = self.estimator().ok()?;
+        if known.iter().any(|name| case.starts_with(name)) {
+            return of_a_depth_map(&self.map, &estimator, case);
+        }
+        of_level_casters(&self.map, &estimator, case)
     }
 }
 

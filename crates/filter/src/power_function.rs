@@ -1,9 +1,10 @@
 //! Shadow maps with a power function for the distribution of depths.
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
-use antumbra_map::{Estimator, MapConfig, MapTechnique, expectation as of_a_depth_map};
+use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use serde::{Deserialize, Serialize};
 
+use crate::expectation::of_level_casters;
 use crate::prefilter::{Constant, Prefilter, Recipe, check};
 use crate::vsm::U;
 
@@ -81,10 +82,8 @@ impl TechniqueConfig for PowerFunction {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        // A surface by itself is lit, since its mean is no nearer than the reference; of the rest it is not said.
-        let known = ["lone receivers", "HC-03"];
-        let is_known = known.iter().any(|name| case.starts_with(name));
-        is_known.then(|| of_a_depth_map(&self.map, &self.estimator().ok()?, case)).flatten()
+        // A surface by itself is lit, since its mean is no nearer than the reference, and a level caster by itself is dark.
+        of_level_casters(&self.map, &self.estimator().ok()?, case)
     }
 }
 

@@ -71,7 +71,9 @@ fn around(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectat
     Some(match case {
         // An angle is 4.5 m of the caster's plane at its corners, 4.2 m off and 19 degrees aslant, and an ideal
         // texel 2 m of it over the map's side; its edges span 0.48.
-        "HC-01 A, point light" => Holds { bound: (reach + off(0.48)) * 4.5 / 2.0 },
+        "HC-01 A, point light" | "HC-23 light at the eye" | "HC-25 caster out of sight" => {
+            Holds { bound: (reach + off(0.48)) * 4.5 / 2.0 }
+        }
         // The same for a triangle up to 2.5 m off and 36 degrees aslant, whose edges span up to 0.93.
         "HC-02 light amid the caster" => Holds { bound: (reach + off(0.93)) * 3.0 / 2.0 },
         "HC-12 two triangles below the light" if map.omni == Omni::WarpedParaboloid => KnownLimit {
