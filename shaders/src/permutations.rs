@@ -278,8 +278,8 @@ fn pyramids() -> Vec<Permutation> {
 /// Constants of every filtered technique; each uses a few.
 fn filtered_constants(both: bool) -> Slot {
     let numbers = [
-        ("RADIUS", 3.0),
-        ("SPREAD", 1.5),
+        ("REACH", 3.0),
+        ("SQUARE", 2.0),
         ("ROUNDING", 1e-6),
         ("NEGATIVE_ROUNDING", 1e-6),
         ("CUT", 0.0),
@@ -291,7 +291,8 @@ fn filtered_constants(both: bool) -> Slot {
         ("NEGATIVE", 5.0),
         ("DEVIATION", 5e-5),
         ("MOMENT_BIAS", 6e-5),
-        ("MOMENT_TARGET", 0.628),
+        ("SECOND_TARGET", 0.628),
+        ("FOURTH_TARGET", 0.628),
         ("ORDER", 16.0),
         ("SQUEEZE", 0.9),
         ("DAMPING", 1.0),
@@ -301,6 +302,7 @@ fn filtered_constants(both: bool) -> Slot {
         ("MARGIN", 1e-4),
         ("HALF", 1.0),
         ("MOST", 8.0),
+        ("BEFORE", 1.0),
     ];
     let mut text = String::new();
     for (name, value) in numbers {
@@ -309,7 +311,7 @@ fn filtered_constants(both: bool) -> Slot {
     text += &format!(
         "const BOTH: bool = {both};\nconst ALL: bool = true;\nconst FOLLOW: bool = true;\n"
     );
-    text += "const OWN: bool = true;\n";
+    text += "const OWN: bool = true;\nconst ENDS: bool = true;\nconst AROUND: i32 = 9;\n";
     text += "const SLICES: i32 = 8;\nconst TEXELS: i32 = 2;\nconst WEIGHTS = array<f32, 3>(0.0, 1.0, 0.0);\n";
     source("config", text)
 }
@@ -379,6 +381,7 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         ("evsm-2", "filter::texels", "filter::evsm", false),
         ("msm", "filter::texels", "filter::msm", false),
         ("msm-16", "filter::texels_16", "filter::msm", false),
+        ("power-function", "filter::texels", "filter::power_function", false),
         ("esm-fallback", "filter::texels", "filter::esm_fallback", false),
         ("convolution", "filter::texels", "filter::convolution", false),
         ("multiple-depth", "filter::texels", "filter::multiple_depth", false),
@@ -391,6 +394,19 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         let slots =
             vec![module("store", store), module("estimator", estimator), filtered_constants(both)];
         all.push((name, slots));
+    }
+    for (name, estimator, replaced, by) in [
+        ("esm-fallback-not-counted", "filter::esm_fallback", "filter::tally", "filter::no_tally"),
+        (
+            "multiple-depth-n-buffer",
+            "filter::multiple_depth",
+            "filter::ends",
+            "filter::ends_nbuffer",
+        ),
+    ] {
+        let estimator = module("estimator", estimator);
+        let store = module("store", "filter::texels");
+        all.push((name, vec![store, estimator, module(replaced, by), filtered_constants(false)]));
     }
     let parts = poisson_constants(&[[0.0, 1.0]; 4], 2.0);
     let parts =

@@ -192,6 +192,9 @@ techniques! {
     #[cfg(feature = "filter")]
     /// Moment shadow maps.
     Msm(antumbra_filter::Msm) = "filter/msm",
+    #[cfg(feature = "filter")]
+    /// Depths as if a power function were their distribution.
+    PowerFunction(antumbra_filter::PowerFunction) = "filter/power-function",
     #[cfg(feature = "sampling")]
     /// One map a slice of the view's depths.
     Cascades(antumbra_sampling::Cascades<Box<Config>>) = "sampling/cascades",

@@ -2,6 +2,7 @@
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{Estimator, MapConfig, MapTechnique};
+use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
 use crate::expectation::{Bound, expectation};
@@ -26,6 +27,9 @@ pub struct Esm {
     pub sharpness: f32,
     /// What is done about texels behind the receiver, default nothing.
     pub fallback: Fallback,
+    /// Counts on the GPU, for measurements, the lookups (`esm_lookups`) and those that ask texels one by one
+    /// (`esm_one_by_one`). Default false; there are none where `fallback` is never.
+    pub tally: bool,
 }
 
 /// Where an exponential shadow map asks the texels of the kernel one by one, each exponential cut off at 1, since
@@ -73,6 +77,7 @@ impl Default for Esm {
             filter: Prefilter::default(),
             sharpness: 80.0,
             fallback: Fallback::Never,
+            tally: false,
         }
     }
 }
@@ -116,6 +121,10 @@ impl Esm {
             recipe.format = wgpu::TextureFormat::Rg32Float;
             recipe.estimator = "filter::esm_fallback";
             recipe.reads_depth = true;
+            recipe.tally = self.tally;
+            if !self.tally {
+                recipe.modules.push(module("filter::tally", "filter::no_tally"));
+            }
             // At this depth behind the receiver an exponential is 1.01.
             let margin = 1.01f64.ln() / f64::from(self.sharpness);
             let texels = 2 * self.filter.radius + 2;

@@ -1,8 +1,11 @@
 //! What theory says of filtered bounds on each hard case.
 
+mod compared;
+
 use antumbra_gpu::Expectation;
 use antumbra_map::{Estimator, MapConfig};
 
+pub(crate) use self::compared::{compared, joined};
 use crate::prefilter::Prefilter;
 
 /// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels.
@@ -54,7 +57,7 @@ impl Bound {
 }
 
 /// A visibility that is off by as much counts as wrong (`antumbra_measure::stability`).
-const WRONG: f64 = 1e-5;
+pub(crate) const WRONG: f64 = 1e-5;
 
 pub(crate) fn expectation(
     map: &MapConfig,
@@ -96,6 +99,27 @@ pub(crate) fn expectation(
                           one so near its receiver is within the bias",
             }
         }
+        // One sample of a floor behind the one caster, that is, as far behind it as the range is long; of 64 before and 64
+        // after that it is the only one in shadow, and all of its light counts.
+        "K9 nothing in view" if bound.leak(1.0, 0.0) >= f64::from(f32::MIN_POSITIVE) => {
+            Expectation::KnownLimit {
+                at_least: 1.0 / 128.0,
+                at_most: 1.0 / 128.0,
+                because: "what is far behind a caster still gets a share of light, however small",
+            }
+        }
+        // The window follows what is seen in steps, and its texels are up to an eighth of an octave larger.
+        "K1 plates of one size" | "K2 tilted suns" | "K20 long horizon" => stepped(exact),
+        // Pages at 60 degrees to the floor, up to 1.1 m above it of 3 m, 8 m wide in all: within each, 0.41 m from its sides
+        // at most. A strip 0.4 m wide at all slopes, 1 m and more above the floor; casters are 7.2 m wide in all.
+        "HC-19 three and four triangles on an edge" => {
+            let spread = kernel.spread * 3f64.sqrt() * 8.0 * texel / size / 3.0;
+            behind_slopes(exact, bound.leak(1.1 / 3.0, spread), 0.42 / (8.0 / size))
+        }
+        "HC-20 winding without a side" => {
+            let steep = matches!(bound, Bound::Variance { .. } | Bound::Layers { .. });
+            behind_slopes(exact, if steep { 1.0 } else { 0.0 }, 0.2 / (7.2 / size))
+        }
         // The floor lies behind the caster, which is level, by half of the range at least.
         "HC-01 A, point light"
         | "HC-01 B, sun overhead"
@@ -129,6 +153,27 @@ pub(crate) fn expectation(
         },
         _ => exact,
     })
+}
+
+/// `exact` in texels that steps of a window, of an eighth of an octave, make larger.
+pub(crate) fn stepped(exact: Expectation) -> Expectation {
+    match exact {
+        Expectation::Holds { bound } => Expectation::Holds { bound: bound * 0.125_f64.exp2() },
+        other => other,
+    }
+}
+
+/// `exact`, or a known limit where casters slope so much that the spread of depth within the kernel leaks `leak`: then all of
+/// a shadow is wrong, up to `inside` texels from its edge.
+fn behind_slopes(exact: Expectation, leak: f64, inside: f64) -> Expectation {
+    match exact {
+        Expectation::Holds { bound } if leak > WRONG => Expectation::KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: bound.max(inside),
+            because: "behind a caster that slopes, the spread of its depth within the kernel leaks",
+        },
+        _ => exact,
+    }
 }
 
 /// `exact`, or a known limit where the leak in the middle of a shadow counts as wrong: `gap` is the least

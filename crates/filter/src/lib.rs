@@ -7,6 +7,7 @@
 //! Filterable maps average first: moments or exponentials of depth, filtered once a map ([`Prefilter`]), bound
 //! the same sum from above at a cost a sample that does not grow with the kernel.
 
+mod beside;
 mod blurred_depth;
 mod convolution;
 mod esm;
@@ -17,8 +18,10 @@ pub mod kernel;
 mod lvsm;
 mod msm;
 mod multiple_depth;
+mod nbuffer;
 mod pcf;
 mod pcf_footprint;
+mod power_function;
 mod prefilter;
 mod savsm;
 pub mod twin;
@@ -35,6 +38,7 @@ pub use pcf::{
     PcfAdaptive, PcfBilinearGrid, PcfCastano, PcfCubic, PcfGrid, PcfHardware, PcfPoisson,
 };
 pub use pcf_footprint::PcfFootprint;
+pub use power_function::PowerFunction;
 pub use prefilter::{Prefilter, Shape};
 pub use savsm::{Savsm, Table};
 pub use vsm::Vsm;

@@ -80,8 +80,7 @@ impl Lvsm {
         let format = wgpu::TextureFormat::Rg32Float;
         let encoding = "filter::encoding::layered";
         let mut recipe = Recipe::new(self.filter, encoding, format, "filter::lvsm", constants);
-        recipe.slices =
-            self.slices().iter().map(|[a, b]| [*a as f32, *b as f32, 0.0, 0.0]).collect();
+        recipe.slices = self.slices().iter().map(|[a, b]| [*a as f32, *b as f32]).collect();
         Ok(recipe)
     }
 

@@ -24,8 +24,11 @@ pub struct Msm {
     pub quantised: bool,
     /// Share of the moments that is replaced by those of a distribution far from degenerate, 0 to 0.1; `None`,
     /// the default, for what the store's rounding asks for: 6e-5 at 16 bits as published; in 32-bit floats
-    /// as much as the filter may round, and 1e-6 at least.
+    /// as much as the filter may round, and 1e-6 at least; three times that with `ends`.
     pub moment_bias: Option<f32>,
+    /// Whether the bound is that of depths within the range (the Hausdorff moment problem) and not of any (Hamburger's).
+    /// Default false, as is usual; with it a fifth less leaks, for about twice the arithmetic of a lookup.
+    pub ends: bool,
     /// Visibility below which all is dark, what is above being stretched to fill: 0 to 0.99, default 0.
     pub cut: f32,
 }
@@ -37,6 +40,7 @@ impl Default for Msm {
             filter: Prefilter::default(),
             quantised: false,
             moment_bias: None,
+            ends: false,
             cut: 0.0,
         }
     }
@@ -47,7 +51,20 @@ impl Msm {
     #[must_use]
     pub fn effective_moment_bias(&self) -> f64 {
         let derived = if self.quantised { 6e-5 } else { self.filter.rounding().max(1e-6) };
-        self.moment_bias.map_or(derived, f64::from)
+        let share = if self.ends { 3.0 * derived } else { derived };
+        self.moment_bias.map_or(share, f64::from)
+    }
+
+    /// Second and fourth moment of what is mixed in; the first and third are 0. As published (Peters et al. 2017), which is
+    /// masses at -1, 0 and 1. Within the ends of the range that is a single point, of which no moments but those of
+    /// degenerate distributions come; so with `ends` they are those of an even distribution.
+    #[must_use]
+    pub fn moment_target(&self) -> [f64; 2] {
+        match (self.ends, self.quantised) {
+            (true, _) => [1.0 / 3.0, 0.2],
+            (false, true) => [0.628; 2],
+            (false, false) => [0.375; 2],
+        }
     }
 
     fn recipe(&self) -> Result<Recipe, GpuError> {
@@ -55,11 +72,12 @@ impl Msm {
         let bias = self.effective_moment_bias() as f32;
         check("moment_bias", bias, 0.0..=0.1, "use 0 to 0.1, or none for the derived bias")?;
         check_cut(self.cut)?;
-        // Second and fourth moment of what is mixed in; the first and third are 0 (Peters et al. 2017).
-        let target = if self.quantised { 0.628 } else { 0.375 };
+        let [second, fourth] = self.moment_target();
         let constants = vec![
             ("MOMENT_BIAS", Constant::Float(bias.into())),
-            ("MOMENT_TARGET", Constant::Float(target)),
+            ("SECOND_TARGET", Constant::Float(second)),
+            ("FOURTH_TARGET", Constant::Float(fourth)),
+            ("ENDS", Constant::Bool(self.ends)),
             ("CUT", Constant::Float(self.cut.into())),
             // Of depth on both sides; the moments' rounding is the bias's affair.
             ("ROUNDING", Constant::Float(4.0 * U)),

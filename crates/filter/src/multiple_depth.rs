@@ -2,8 +2,10 @@
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{Estimator, MapConfig, MapTechnique, expectation as of_a_depth_map};
+use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
+use crate::nbuffer::Ranges;
 use crate::prefilter::{Constant, Prefilter, Recipe, Shape};
 use crate::vsm::U;
 
@@ -22,18 +24,29 @@ pub struct MultipleDepth {
     pub radius: u32,
     /// Depths that are kept, 2 or 3, default 3: the least, the largest, and the texel's own between them.
     pub depths: u32,
+    /// Whether the two are kept for squares of every power of two (an N-buffer), of which four cover any kernel. Default
+    /// false. Takes as long whatever the radius, of up to 127 texels then, for as many times the memory as the map's side
+    /// has bits.
+    pub n_buffer: bool,
 }
 
 impl Default for MultipleDepth {
     fn default() -> Self {
-        Self { map: MapConfig::default(), radius: 1, depths: 3 }
+        Self { map: MapConfig::default(), radius: 1, depths: 3, n_buffer: false }
     }
 }
 
 impl MultipleDepth {
     fn recipe(&self) -> Result<Recipe, GpuError> {
         let filter = Prefilter { shape: Shape::Box, radius: self.radius };
-        filter.validate()?;
+        match self.n_buffer {
+            true if self.radius > 127 => {
+                let (what, fix) = ("radius", "use 0 to 127 texels");
+                return Err(GpuError::Invalid { what, value: self.radius.to_string(), fix });
+            }
+            true => {}
+            false => filter.validate()?,
+        }
         if !(2..=3).contains(&self.depths) {
             let (what, fix) = ("depths", "use 2 or 3");
             return Err(GpuError::Invalid { what, value: self.depths.to_string(), fix });
@@ -42,12 +55,17 @@ impl MultipleDepth {
             ("OWN", Constant::Bool(self.depths == 3)),
             // Of depth, on both sides.
             ("ROUNDING", Constant::Float(4.0 * U)),
+            ("AROUND", Constant::Int(self.radius)),
         ];
         let (encoding, format) = ("filter::encoding::depth_twice", wgpu::TextureFormat::Rg32Float);
         let mut recipe = Recipe::new(filter, encoding, format, "filter::multiple_depth", constants);
         recipe.mean = "gpu::mean::min_max";
         recipe.reads_depth = true;
         recipe.fetches = self.depths - 1;
+        if self.n_buffer {
+            recipe.modules.push(module("filter::ends", "filter::ends_nbuffer"));
+            recipe.fetches += 3;
+        }
         Ok(recipe)
     }
 
@@ -64,7 +82,12 @@ impl MultipleDepth {
     /// # Errors
     /// A setting out of range or beyond the device's limits.
     pub fn technique(&self, gpu: &Gpu) -> Result<MapTechnique, GpuError> {
-        self.recipe()?.technique(gpu, &self.map)
+        let recipe = self.recipe()?;
+        if self.n_buffer {
+            let store = Box::new(Ranges::new(gpu)?);
+            return MapTechnique::with_store(gpu, &self.map, recipe.estimator(), store);
+        }
+        recipe.technique(gpu, &self.map)
     }
 }
 
@@ -97,6 +120,7 @@ mod tests {
             MultipleDepth { depths: 1, ..MultipleDepth::default() },
             MultipleDepth { depths: 4, ..MultipleDepth::default() },
             MultipleDepth { radius: 32, ..MultipleDepth::default() },
+            MultipleDepth { radius: 128, n_buffer: true, ..MultipleDepth::default() },
         ] {
             assert!(matches!(config.estimator(), Err(GpuError::Invalid { .. })), "{config:?}");
         }

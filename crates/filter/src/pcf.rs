@@ -1,10 +1,11 @@
 //! The percentage-closer filters, one config each.
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
-use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, expectation};
+use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique};
 use antumbra_shaders::{Slot, castano_constants, castano_core, module, poisson_constants, source};
 use serde::{Deserialize, Serialize};
 
+use crate::expectation::compared;
 use crate::kernel::{Separable, poisson_disc, stratified_disc};
 
 /// Largest kernel side: 63 x 63 compares a sample, far beyond what any frame affords; a larger value is
@@ -155,7 +156,7 @@ impl TechniqueConfig for PcfGrid {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator().ok()?, case)
+        compared(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -183,7 +184,7 @@ impl TechniqueConfig for PcfHardware {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator(), case)
+        compared(&self.map, &self.estimator(), case)
     }
 }
 
@@ -208,7 +209,7 @@ impl TechniqueConfig for PcfBilinearGrid {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator().ok()?, case)
+        compared(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -247,7 +248,7 @@ impl TechniqueConfig for PcfCastano {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator().ok()?, case)
+        compared(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -286,7 +287,7 @@ impl TechniqueConfig for PcfPoisson {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator().ok()?, case)
+        compared(&self.map, &self.estimator().ok()?, case)
     }
 }
 
@@ -308,7 +309,7 @@ impl TechniqueConfig for PcfCubic {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation(&self.map, &self.estimator(), case)
+        compared(&self.map, &self.estimator(), case)
     }
 }
 
@@ -350,7 +351,7 @@ impl TechniqueConfig for PcfAdaptive {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        let usual = expectation(&self.map, &self.estimator().ok()?, case);
+        let usual = compared(&self.map, &self.estimator().ok()?, case);
         match usual {
             // Probes on the rim that all miss the wire end the search: none of it may be seen.
             Some(Expectation::KnownLimit { at_least, because, .. })

@@ -3,12 +3,11 @@
 use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
 };
-use antumbra_map::{
-    Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store, expectation as of_a_depth_map,
-};
+use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store};
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
+use crate::expectation::compared;
 use crate::eye::Eye;
 use crate::prefilter::{Constant, check, constants};
 
@@ -73,7 +72,7 @@ impl TechniqueConfig for PcfFootprint {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        let usual = of_a_depth_map(&self.map, &self.estimator().ok()?, case)?;
+        let usual = compared(&self.map, &self.estimator().ok()?, case)?;
         Some(match usual {
             // At a texel's size the kernel is far narrower than its reach, and no wider than one texel's own.
             Expectation::KnownLimit { at_least, because, .. } if case.starts_with("HC-31") => {

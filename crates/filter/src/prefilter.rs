@@ -1,12 +1,14 @@
 //! Kernels that filter a store ahead of the lookup, and the store that results.
 
 use antumbra_gpu::{
-    BindGroupCache, Blur, BlurJob, BlurShader, Counters, Frame, Gpu, GpuError, MAX_BLUR_RADIUS,
-    Recorder, bind, blur_rounding, entries,
+    Blur, BlurJob, BlurShader, Counters, Frame, Gpu, GpuError, MAX_BLUR_RADIUS, Recorder,
+    blur_rounding,
 };
 use antumbra_map::{Estimator, MapConfig, MapRead, MapTechnique, ShadowMap, Store};
 use antumbra_shaders::{Slot, module, source};
 use serde::{Deserialize, Serialize};
+
+use crate::beside::Depth;
 
 /// Shape of a separable kernel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,6 +33,9 @@ pub struct Prefilter {
     pub radius: u32,
 }
 
+/// Largest radius of any kernel, texels; filters that go through it texel by texel have a lower limit.
+const LARGEST: u32 = 127;
+
 impl Default for Prefilter {
     fn default() -> Self {
         Self { shape: Shape::Gaussian, radius: 2 }
@@ -41,7 +46,7 @@ impl Prefilter {
     /// Weights of the texels from -radius to radius; their sum is 1.
     #[must_use]
     pub fn weights(&self) -> Vec<f64> {
-        let radius = i64::from(self.radius.min(MAX_BLUR_RADIUS));
+        let radius = i64::from(self.radius.min(LARGEST));
         let deviation = 0.5 * (radius as f64 + 0.5);
         let weight = |d: i64| match self.shape {
             Shape::Box => 1.0,
@@ -68,14 +73,19 @@ impl Prefilter {
         f64::from(self.radius) + 1.0
     }
 
+    /// Mean square of the distances per axis of the filter's texels from their middle one, texels².
+    #[must_use]
+    pub fn square(&self) -> f64 {
+        let weights = self.weights();
+        let radius = (weights.len() / 2) as f64;
+        weights.iter().enumerate().map(|(i, w)| w * (i as f64 - radius).powi(2)).sum()
+    }
+
     /// Largest root mean square of the distances per axis of the lookup's texels from the sample, texels:
     /// interpolation at the fraction a adds a (1 - a) to the filter's square.
     #[must_use]
     pub fn spread(&self) -> f64 {
-        let radius = f64::from(self.radius);
-        let weights = self.weights();
-        let squares = weights.iter().enumerate().map(|(i, w)| w * (i as f64 - radius).powi(2));
-        (squares.sum::<f64>() + 0.25).sqrt()
+        (self.square() + 0.25).sqrt()
     }
 
     /// Bound on the rounding of a looked-up value relative to the largest in the kernel: of the blur, and 3
@@ -126,13 +136,17 @@ pub(crate) struct Recipe {
     /// Constants of the technique: names and values.
     pub(crate) constants: Vec<(&'static str, Constant)>,
     /// What each layer of the map becomes: one layer for each of these parameters.
-    pub(crate) slices: Vec<[f32; 4]>,
+    pub(crate) slices: Vec<[f32; 2]>,
     /// Fetches a sample.
     pub(crate) fetches: u32,
     /// Whether the lookup reads the depth map too, as binding 0 of group 2.
     pub(crate) reads_depth: bool,
     /// Constants that are no numbers.
     pub(crate) arrays: String,
+    /// More modules of the lookup.
+    pub(crate) modules: Vec<Slot>,
+    /// Whether the lookup counts (`filter/tally.wesl`), as binding 1 of group 2.
+    pub(crate) tally: bool,
 }
 
 /// A constant of a shader.
@@ -174,17 +188,19 @@ impl Recipe {
             store: "filter::texels",
             estimator,
             constants,
-            slices: vec![[0.0; 4]],
+            slices: vec![[0.0; 2]],
             fetches: 4,
             reads_depth: false,
             arrays: String::new(),
+            modules: Vec::new(),
+            tally: false,
         }
     }
 
     fn config(&self) -> Slot {
         let common = [
-            ("RADIUS", Constant::Float(self.filter.reach())),
-            ("SPREAD", Constant::Float(self.filter.spread())),
+            ("REACH", Constant::Float(self.filter.reach())),
+            ("SQUARE", Constant::Float(self.filter.square())),
         ];
         let text = constant_lines(&common) + &constant_lines(&self.constants) + &self.arrays;
         source("config", text)
@@ -192,12 +208,11 @@ impl Recipe {
 
     pub(crate) fn estimator(&self) -> Estimator {
         let unsigned = self.format == wgpu::TextureFormat::Rg32Uint;
+        let mut slots =
+            vec![module("store", self.store), module("estimator", self.estimator), self.config()];
+        slots.extend(self.modules.iter().cloned());
         Estimator {
-            slots: vec![
-                module("store", self.store),
-                module("estimator", self.estimator),
-                self.config(),
-            ],
+            slots,
             read: if unsigned { MapRead::Unsigned } else { MapRead::Texels },
             radius: self.filter.reach() as f32,
             // References of a filtered store have their own slack (`filter/receiver.wesl`).
@@ -218,8 +233,9 @@ impl Recipe {
             format: self.format,
         };
         let blur = Blur::new(gpu, &shader, &self.filter.weights())?;
-        let depth = self.reads_depth.then(|| Depth::new(gpu));
-        Ok(Box::new(Filtered { blur, slices: self.slices.clone(), jobs: Vec::new(), depth }))
+        let depth = self.reads_depth.then(|| Depth::new(gpu, self.tally));
+        let (slices, taps) = (self.slices.clone(), 2 * self.filter.radius + 1);
+        Ok(Box::new(Filtered { blur, slices, jobs: Vec::new(), depth, taps }))
     }
 }
 
@@ -227,64 +243,11 @@ impl Recipe {
 #[derive(Debug)]
 struct Filtered {
     blur: Blur,
-    slices: Vec<[f32; 4]>,
+    slices: Vec<[f32; 2]>,
     jobs: Vec<BlurJob>,
     depth: Option<Depth>,
-}
-
-/// The depth map beside the store.
-#[derive(Debug)]
-struct Depth {
-    layout: wgpu::BindGroupLayout,
-    group: BindGroupCache<wgpu::TextureView>,
-    nothing: Option<wgpu::TextureView>,
-}
-
-impl Depth {
-    fn new(gpu: &Gpu) -> Self {
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("depth beside a store"),
-            entries: &[entries::texels(0, wgpu::ShaderStages::COMPUTE, true)],
-        });
-        Self { layout, group: BindGroupCache::default(), nothing: None }
-    }
-
-    fn prepare(&mut self, gpu: &Gpu, map: Option<&wgpu::TextureView>) -> Result<(), GpuError> {
-        let view = match (map, &self.nothing) {
-            (Some(map), _) => map.clone(),
-            (None, Some(nothing)) => nothing.clone(),
-            // The pass needs some texture even when no view reads it.
-            (None, None) => self.nothing.insert(one_texel(gpu)?).clone(),
-        };
-        self.group.get(view, |view| {
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("depth beside a store"),
-                layout: &self.layout,
-                entries: &[bind::texture(0, view)],
-            })
-        });
-        Ok(())
-    }
-}
-
-fn one_texel(gpu: &Gpu) -> Result<wgpu::TextureView, GpuError> {
-    let texture = gpu.create_texture(
-        "empty depth",
-        &wgpu::TextureDescriptor {
-            label: Some("empty depth"),
-            size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::R32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        },
-    )?;
-    Ok(texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    }))
+    /// Texels that each texel of a pass is made of.
+    taps: u32,
 }
 
 impl Store for Filtered {
@@ -295,8 +258,11 @@ impl Store for Filtered {
         }
         let Some(view) = map.view() else { return Ok(()) };
         for (layer, linear) in map.linear_depths().iter().enumerate() {
-            let linear = linear.coefficients.map(|c| c as f32);
-            let job = |slice| BlurJob { source: layer as u32, parameters: [linear, slice] };
+            let coefficients = linear.coefficients.map(|c| c as f32);
+            let job = |[a, b]: [f32; 2]| BlurJob {
+                source: layer as u32,
+                parameters: [coefficients, [a, b, 0.0, linear.last_caster as f32]],
+            };
             self.jobs.extend(self.slices.iter().copied().map(job));
         }
         self.blur.prepare(gpu, view, map.size(), &self.jobs)
@@ -320,11 +286,11 @@ impl Store for Filtered {
     }
 
     fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {
-        self.depth.as_ref().map(|depth| &depth.layout)
+        self.depth.as_ref().map(Depth::layout)
     }
 
     fn group(&self) -> Option<&wgpu::BindGroup> {
-        self.depth.as_ref().and_then(|depth| depth.group.kept())
+        self.depth.as_ref().and_then(Depth::group)
     }
 
     fn view(&self) -> Option<&wgpu::TextureView> {
@@ -333,11 +299,23 @@ impl Store for Filtered {
 
     fn counters(&self) -> Counters {
         let texels = if self.jobs.is_empty() { 0 } else { self.blur.texels() };
-        Counters::from([("store_layers", self.jobs.len() as u64), ("store_texels", texels)])
+        Counters::from([
+            ("store_layers", self.jobs.len() as u64),
+            ("store_texels", texels),
+            ("store_taps", texels * u64::from(self.taps)),
+        ])
+    }
+
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters();
+        if let Some(depth) = &self.depth {
+            counters.extend(depth.counts(gpu)?);
+        }
+        Ok(counters)
     }
 
     fn bytes(&self) -> u64 {
-        self.blur.bytes()
+        self.blur.bytes() + self.depth.as_ref().map_or(0, Depth::bytes)
     }
 }
 

@@ -188,7 +188,10 @@ impl Store for Tables {
         let Some(view) = map.view() else { return Ok(()) };
         self.jobs.extend(map.linear_depths().iter().enumerate().map(|(layer, linear)| LayerJob {
             source: layer as u32,
-            parameters: [linear.coefficients.map(|c| c as f32), [0.0; 4]],
+            parameters: [
+                linear.coefficients.map(|c| c as f32),
+                [0.0, 0.0, 0.0, linear.last_caster as f32],
+            ],
         }));
         self.sat.prepare(gpu, view, map.size(), &self.jobs)
     }
@@ -224,7 +227,12 @@ impl Store for Tables {
 
     fn counters(&self) -> Counters {
         let texels = if self.jobs.is_empty() { 0 } else { self.sat.texels() };
-        Counters::from([("store_layers", self.jobs.len() as u64), ("store_texels", texels)])
+        // A thread adds up its span of a line, and adds it up again from where the others' spans end (`gpu/sat.wesl`).
+        Counters::from([
+            ("store_layers", self.jobs.len() as u64),
+            ("store_texels", texels),
+            ("store_taps", 2 * texels),
+        ])
     }
 
     fn bytes(&self) -> u64 {

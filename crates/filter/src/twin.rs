@@ -98,7 +98,13 @@ pub fn moments(window: Window<'_>) -> [f64; 4] {
 /// Moments with the share `bias` replaced by those of (0, target, 0, target), `filter/msm.wesl`.
 #[must_use]
 pub fn biased(b: [f64; 4], bias: f64, target: f64) -> [f64; 4] {
-    let towards = [0.0, target, 0.0, target];
+    biased_to(b, bias, [target, target])
+}
+
+/// As [`biased`], with a second and a fourth moment of their own.
+#[must_use]
+pub fn biased_to(b: [f64; 4], bias: f64, [second, fourth]: [f64; 2]) -> [f64; 4] {
+    let towards = [0.0, second, 0.0, fourth];
     [0, 1, 2, 3].map(|i| (1.0 - bias) * b[i] + bias * towards[i])
 }
 
@@ -109,6 +115,30 @@ pub fn hamburger(b: [f64; 4], zf: f64) -> f64 {
         None => two_moments(b, zf),
         Some(roots) => three_nodes(b, zf, roots),
     }
+}
+
+/// `hausdorff` of `filter/moment_bounds.wesl`: as [`hamburger`], of distributions within [-1, 1].
+#[must_use]
+pub fn hausdorff(b: [f64; 4], zf: f64) -> f64 {
+    if zf <= -1.0 {
+        return 0.0;
+    }
+    match other_nodes(b, zf) {
+        Some([z2, z3]) if z2 >= -1.0 && z3 <= 1.0 => three_nodes(b, zf, [z2, z3]),
+        _ => both_ends(b, zf),
+    }
+}
+
+fn both_ends([b1, b2, b3, b4]: [f64; 4], zf: f64) -> f64 {
+    let (mass, u1, u2) = ((1.0 - b2).max(SMALLEST), b1 - b3, b2 - b4);
+    let mean = u1 / mass;
+    let variance = ((u2 - u1 * mean) / mass).max(0.0);
+    let d = zf - mean;
+    let total = (variance + d * d).max(SMALLEST);
+    let own = mass * variance / (total * (1.0 + zf));
+    let room = if d > 0.0 { 1.0 - mean } else { 1.0 + mean };
+    let free = mass * d.abs().powi(3) / (total * (room * d.abs() + variance).max(SMALLEST));
+    0.5 * (1.0 - b1 - own + if d > 0.0 { free } else { -free })
 }
 
 const SMALLEST: f64 = 1e-30;
@@ -262,4 +292,28 @@ pub fn blurred_depth(window: Window<'_>, z: f64) -> f64 {
 pub fn soft_comparison(window: Window<'_>, width: f64, z: f64) -> f64 {
     let x = ((mean(window, |depth| depth) - z) / width + 1.0).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
+}
+
+/// The distribution P(x) = (x / b)^q on [0, b] with a mean above 0 and a variance: q and b, `filter/power_function.wesl`.
+#[must_use]
+pub fn power_fit(mean: f64, variance: f64) -> [f64; 2] {
+    let k = mean * mean / variance;
+    let q = k / ((1.0 + k).sqrt() + 1.0);
+    [q, mean + mean / q]
+}
+
+/// Depths as if they were so distributed from `before` the range on: the share beyond the receiver of what lies at the
+/// mean or beyond, `filter/power_function.wesl`.
+#[must_use]
+pub fn power_function(window: Window<'_>, deviation: f64, before: f64, z: f64) -> f64 {
+    let (m1, m2) = (mean(window, |d| d - 0.5), mean(window, |d| (d - 0.5).powi(2)));
+    let (middle, z) = (m1 + 0.5 + before, z + before);
+    let [q, b] = power_fit(middle, (m2 - m1 * m1).max(deviation.powi(2)));
+    if z <= middle {
+        1.0
+    } else if z >= b {
+        0.0
+    } else {
+        (1.0 - (z / b).powf(q)) / (1.0 - (middle / b).powf(q))
+    }
 }

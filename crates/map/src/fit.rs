@@ -62,10 +62,10 @@ pub struct SeenView {
     /// Half-spaces (xyz inward unit normal, w offset; points relative to the origin) outside of any of which a
     /// caster has no say in this view; none where every caster has.
     pub volume: Vec<DVec4>,
-    /// Two points (relative to the origin) between which, along the view's axis, lies every caster that has a say, and
-    /// every visible receiver where these are drawn; `None` where every caster has. They move in steps, as the window
-    /// does.
-    pub ends: Option<[DVec3; 2]>,
+    /// Points (relative to the origin) along the view's axis: every caster that has a say lies between the first and the
+    /// second, and every visible receiver before the third where these are drawn, else it is the second again; `None`
+    /// where every caster has. They move in steps, as the window does.
+    pub ends: Option<[DVec3; 3]>,
 }
 
 impl SeenView {
@@ -107,7 +107,7 @@ pub struct Needed {
 struct Fit {
     clip: DMat4,
     volume: Vec<DVec4>,
-    ends: Option<[DVec3; 2]>,
+    ends: Option<[DVec3; 3]>,
 }
 
 /// Steps of the texel's size per doubling, for windows that follow the camera: 9 % are lost at most.
@@ -307,14 +307,14 @@ impl Stand<'_> {
             volume = needed.volume;
             let (lo, _) = axis(&needed.receivers, 2);
             last = Some(end + ((lo - pad - end) / step).floor() * step);
-            ends = Some([near, far]);
+            ends = Some([near, far, far]);
         }
         let (left, right) = fitting.window(all[0], seen[0], least);
         let (bottom, top) = fitting.window(all[1], seen[1], least);
         if fitting.receivers {
             let beyond = far - (near - far).max(right - left);
             far = last.map_or(beyond, |last| last.max(beyond).min(far));
-            ends = ends.map(|[near, _]| [near, far]);
+            ends = ends.map(|[near, casters, _]| [near, casters, far]);
         }
         let ends = ends.map(|ends| ends.map(|z| basis.row(2) * z));
         let scale = DVec3::new(2.0 / (right - left), 2.0 / (top - bottom), 1.0 / (near - far));
@@ -360,14 +360,15 @@ impl Stand<'_> {
                 let steps = (all.farthest / distance).log2() * STEPS;
                 all.farthest * (-steps.floor() / STEPS).exp2()
             };
-            let mut far = step(matter.farthest);
+            let casters = step(matter.farthest);
+            let mut far = casters;
             if fitting.receivers {
                 // As far again, or as wide as the view is there.
                 let beyond = far + (far - near).max(2.0 * far * tan_limit.max_element());
                 far = step(receivers.farthest).clamp(far, beyond);
             }
             volume = needed.volume;
-            ends = Some([near, far].map(|distance| eye - basis.row(2) * distance));
+            ends = Some([near, casters, far].map(|distance| eye - basis.row(2) * distance));
         }
         let window = |i: usize| {
             let widest = (-tan_limit[i], tan_limit[i]);

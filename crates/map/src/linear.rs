@@ -23,6 +23,8 @@ pub struct LinearDepth {
     /// Linear depth beyond which nothing is drawn: the farthest caster's and 2^-10 more, which is far more than
     /// rounding makes of it and less than any shadow shows; 1 where receivers are drawn.
     pub last: f64,
+    /// Linear depth behind which nothing casts: as `last` without receivers; 1 where that is not known.
+    pub last_caster: f64,
 }
 
 const BEYOND: f64 = 1.0 / 1024.0;
@@ -37,11 +39,15 @@ impl LinearDepth {
         Self::over(clip, hull, convention, end)
     }
 
-    /// The function that is 0 and 1 at two points along the view's axis, between which all lies that is drawn, what
-    /// only receives shadows included.
+    /// The function that is 0 at the first and 1 at the last of three points along the view's axis, between which all
+    /// lies that is drawn, what only receives shadows included; casters lie before the second.
     #[must_use]
-    pub fn between(clip: &DMat4, ends: &[DVec3; 2], convention: DepthConvention) -> Self {
-        Self::over(clip, ends, convention, |_, far, _| far).with_receivers()
+    pub fn between(clip: &DMat4, ends: &[DVec3; 3], convention: DepthConvention) -> Self {
+        let [near, casters, far] = *ends;
+        let linear = Self::over(clip, &[near, far], convention, |_, far, _| far);
+        let d = clip.project_point3(casters).z;
+        let last_caster = (linear.of(d) + BEYOND).min(1.0);
+        Self { last: 1.0, last_caster, ..linear }
     }
 
     /// `end` gives the depth that becomes 1, of the nearest, the farthest and the window's width there.
@@ -62,7 +68,12 @@ impl LinearDepth {
             let width = 2.0 / across.length() * depth.truncate().length();
             let range = end(near, far, width) - near;
             let last = (far - near) / range + BEYOND;
-            return Self { coefficients: [order, -near, 0.0, range], empty, last };
+            return Self {
+                coefficients: [order, -near, 0.0, range],
+                empty,
+                last,
+                last_caster: last,
+            };
         }
         // Depth is a + b / w.
         let a = depth.truncate().dot(axis) / axis.length_squared();
@@ -72,7 +83,12 @@ impl LinearDepth {
             // From the near end to behind the far one by as much.
             let order = f64::from(convention.order());
             let near = (order * convention.nearest()).min(order * empty);
-            return Self { coefficients: [order, -near, 0.0, 2.0], empty, last: 0.5 + BEYOND };
+            return Self {
+                coefficients: [order, -near, 0.0, 2.0],
+                empty,
+                last: 0.5 + BEYOND,
+                last_caster: 1.0,
+            };
         }
         // Casters nearer than the near plane are cut off.
         let first = convention.nearest();
@@ -82,10 +98,12 @@ impl LinearDepth {
         let width = 2.0 * far / aside.length();
         let range = end(near, far, width) - near;
         let sign = b.signum();
+        let last = (far - near) / range + BEYOND;
         Self {
             coefficients: [-near, b + near * a, range, -a * range].map(|c| c * sign),
             empty,
-            last: (far - near) / range + BEYOND,
+            last,
+            last_caster: last,
         }
     }
 
@@ -96,11 +114,8 @@ impl LinearDepth {
         let (first, last) = span(hull.iter().map(|p| p.distance(eye).max(near)));
         // A window as wide as what it shows is deep.
         let range = end(first, last, 2.0 * last) - first;
-        Self {
-            coefficients: [-first, near, range, 0.0],
-            empty: 0.0,
-            last: (last - first) / range + BEYOND,
-        }
+        let last = (last - first) / range + BEYOND;
+        Self { coefficients: [-first, near, range, 0.0], empty: 0.0, last, last_caster: last }
     }
 
     /// The same function for a map that holds receivers too: nothing needs to be put where it is not.
@@ -175,6 +190,34 @@ mod tests {
             let empty = linear.of_texel(f64::from(convention.clear()));
             assert_eq!(empty, 1.0, "an empty texel of far {far}, reversed {reversed}");
         }
+    }
+
+    #[test]
+    fn the_last_caster_lies_where_it_is_between_the_ends() {
+        let at = |distance: f64| DVec3::new(0.0, 0.0, -distance);
+        let ends = [at(3.0), at(5.0), at(11.0)];
+        let eye = DVec3::new(0.1, 0.2, 20.0);
+        // Depth 1 at a distance of 3, 0 at 11.
+        let parallel = DMat4::from_translation(DVec3::Z * 11.0 / 8.0)
+            * DMat4::from_scale(DVec3::new(1.0, 1.0, 1.0 / 8.0));
+        for clip in [perspective(0.5, f64::INFINITY, true), parallel] {
+            let linear = LinearDepth::between(&clip, &ends, DepthConvention::REVERSED_F32);
+            let of = |p: DVec3| linear.of(clip.project_point3(p).z);
+            assert!(of(ends[0]).abs() < 1e-12 && (of(ends[2]) - 1.0).abs() < 1e-12, "{clip}");
+            assert!((linear.last_caster - 0.25 - BEYOND).abs() < 1e-12, "{}", linear.last_caster);
+            assert_eq!(linear.last, 1.0, "receivers are drawn up to the end");
+        }
+        // Of casters alone it is where the others say that nothing is drawn any more; round a curved view, too.
+        let linear = LinearDepth::radial(0.5, eye, &[eye + at(3.0), eye + at(5.0)]);
+        assert_eq!(linear.with_receivers().last_caster, linear.last, "radial");
+        let warped = DMat4::from_cols_array_2d(&[
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.3, -1.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ]);
+        let linear = LinearDepth::new(&warped, &ends, DepthConvention::REVERSED_F32);
+        assert_eq!(linear.last_caster, 1.0, "not known where depth is no distance along the axis");
     }
 
     #[test]

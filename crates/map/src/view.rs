@@ -99,7 +99,7 @@ impl ShadowView {
     pub fn with_linear(self, depth: &LinearDepth) -> Self {
         Self {
             linear: depth.coefficients.map(|c| c as f32),
-            range: [depth.last as f32, 0.0, 0.0, 0.0],
+            range: [depth.last as f32, depth.last_caster as f32, 0.0, 0.0],
             ..self
         }
     }

@@ -226,7 +226,9 @@ impl<'a> Slices<'a> {
         let needed = self.sight.needed(self.frame.light, &cone, |_| texel, self.fitting)?;
         let view = FittedView { clip: Some(clip), light: self.to_light.extend(0.0) };
         let (near, far) = self.depth_range();
-        let ends = (clip == uniform).then_some([near, far].map(|z| self.basis.row(2) * z));
+        let (last_caster, _) = self.casters[2];
+        let ends = [near, last_caster, far].map(|z| self.basis.row(2) * z);
+        let ends = (clip == uniform).then_some(ends);
         Some(SeenView { view, volume: needed.volume, ends })
     }
 

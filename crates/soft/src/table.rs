@@ -28,7 +28,8 @@ impl Table {
         let Some(view) = map.view().filter(|_| !is_hard) else { return Ok(()) };
         self.jobs.extend(map.linear_depths().iter().enumerate().map(|(layer, linear)| LayerJob {
             source: layer as u32,
-            parameters: [linear.coefficients.map(|c| c as f32), [0.0; 4]],
+            // All that is drawn is kept where it is.
+            parameters: [linear.coefficients.map(|c| c as f32), [0.0, 0.0, 0.0, 1.0]],
         }));
         self.sat.prepare(gpu, view, map.size(), &self.jobs)
     }

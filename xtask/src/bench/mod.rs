@@ -2,6 +2,7 @@
 
 mod group;
 mod images;
+mod kernels;
 mod plan;
 mod scaling;
 mod scaling_volumes;

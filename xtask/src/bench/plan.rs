@@ -4,7 +4,8 @@ use std::path::Path;
 
 use antumbra::{Config, catalogue};
 use antumbra_filter::{
-    Esm, Fallback, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm, Table,
+    Esm, Fallback, Msm, MultipleDepth, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm,
+    Table,
 };
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
@@ -13,7 +14,7 @@ use antumbra_soft::{Bitmask, Occluders, Pcss, SingleSample, Widths};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
-use super::scaling;
+use super::{kernels, scaling};
 use crate::args::{BenchArgs, Size, Suite};
 use crate::results::Settings;
 
@@ -190,6 +191,11 @@ fn entries() -> Vec<Entry> {
             variant("harder", single(Widths::Doubling, 2.0)),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
+            variant(
+                "n-buffer",
+                Config::MultipleDepth(MultipleDepth { n_buffer: true, ..Default::default() }),
+            ),
+            variant("ends", Config::Msm(Msm { ends: true, ..Default::default() })),
             variant("float", Config::Savsm(Savsm { table: Table::Float, ..Default::default() })),
             variant("tight", cascades(CascadeFit::Tight, Select::Map)),
             variant("warped", cascades(CascadeFit::Warped, Select::Map)),
@@ -207,7 +213,12 @@ fn belongs(entry: &Entry, suite: Suite) -> bool {
         Suite::Full => true,
         Suite::Stability => entry.name == entry.config.id(),
         Suite::Quick => QUICK_TECHNIQUES.contains(&entry.name.as_str()),
-        Suite::Scaling => belongs(entry, Suite::Quick) || PLACED.contains(&entry.name.as_str()),
+        Suite::Scaling => {
+            let name = entry.name.as_str();
+            belongs(entry, Suite::Quick)
+                || PLACED.contains(&name)
+                || kernels::TECHNIQUES.contains(&name)
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The scaling suite: error and time against the size of the map, against the side of a filter, and of shadow volumes
+//! The scaling suite: error and time against the size of the map, against the radius of a filter, and of shadow volumes
 //! against what they are made of.
 
 use antumbra::Config;
@@ -12,20 +12,18 @@ use glam::DAffine3;
 use indicatif::ProgressBar;
 
 use super::plan::{Entry, PLACED, Plan, QUICK_TECHNIQUES, Subject};
-use super::scaling_volumes;
+use super::{kernels, scaling_volumes};
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
 /// Sides of the map, texels.
 const MAP_SIZES: [u32; 6] = [128, 256, 512, 1024, 2048, 4096];
-/// Sides of the regular PCF kernel, texels.
-const KERNEL_SIDES: [u32; 7] = [1, 2, 3, 5, 7, 11, 15];
 
 /// One parameter of some techniques, and its values.
-struct Sweep {
-    parameter: &'static str,
-    values: &'static [u32],
-    set: fn(&mut Config, u32),
-    entries: Vec<Entry>,
+pub(super) struct Sweep {
+    pub(super) parameter: &'static str,
+    pub(super) values: &'static [u32],
+    pub(super) set: fn(&mut Config, u32),
+    pub(super) entries: Vec<Entry>,
 }
 
 fn has_map(entry: &Entry) -> bool {
@@ -39,31 +37,20 @@ fn has_map(entry: &Entry) -> bool {
 fn sweeps(plan: &Plan, subject: &Subject) -> Vec<Sweep> {
     let wanted = |e: &&Entry| subject.only.is_empty() || subject.only.contains(&e.name.as_str());
     let techniques: Vec<Entry> = plan.techniques.iter().filter(wanted).cloned().collect();
-    let is_grid = |entry: &&Entry| matches!(entry.config, Config::PcfGrid(_));
-    // Variants of the kernel differ in nothing but its side.
-    let grid: Vec<Entry> = techniques.iter().find(is_grid).cloned().into_iter().collect();
     let map_size = Sweep {
         parameter: "map_size",
         values: &MAP_SIZES,
         set: |config, size| config.set_map_size(size),
         // The others would be the same at every size, which is shown where it is asked for.
         entries: techniques
-            .iter()
+            .into_iter()
             .filter(|entry| has_map(entry) || subject.only.contains(&entry.name.as_str()))
-            .cloned()
+            .filter(|entry| !kernels::is_only_here(entry))
             .collect(),
     };
-    let kernel_side = Sweep {
-        parameter: "kernel_side",
-        values: &KERNEL_SIDES,
-        set: |config, side| {
-            if let Config::PcfGrid(grid) = config {
-                grid.side = side;
-            }
-        },
-        entries: grid,
-    };
-    [map_size, kernel_side].into_iter().filter(|s| !s.entries.is_empty()).collect()
+    // Kernels are compared on the scene of filters.
+    let kernels = (subject.only != PLACED).then(|| kernels::sweep(plan));
+    [map_size].into_iter().chain(kernels).filter(|s| !s.entries.is_empty()).collect()
 }
 
 /// The scenes where none is asked for, each with its own of the `default` techniques, or with all that are asked for.

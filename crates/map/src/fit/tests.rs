@@ -155,7 +155,7 @@ fn town_lights() -> Vec<Light> {
 /// Corners of casters in a view's half-spaces lie between its ends, or before its near plane.
 fn ends_hold_what_is_in_the_volume(seen: &[SeenView], casters: &[Bounds]) {
     for SeenView { view, volume, ends } in seen {
-        let (Some(clip), Some([near, far])) = (&view.clip, ends) else { continue };
+        let (Some(clip), Some([near, last_caster, far])) = (&view.clip, ends) else { continue };
         // Depth grows towards the light for both projections.
         let depth = |p: DVec3| {
             let c = clip * p.extend(1.0);
@@ -164,7 +164,8 @@ fn ends_hold_what_is_in_the_volume(seen: &[SeenView], casters: &[Bounds]) {
         for corner in corners(casters) {
             if volume.iter().all(|plane| crate::visible::side(plane, corner) >= 0.0) {
                 let found = depth(corner);
-                let (first, last) = (depth(*near), depth(*far));
+                let (first, last) = (depth(*near), depth(*last_caster));
+                assert!(depth(*far) <= last, "receivers go on behind the casters");
                 assert!(found >= last * (1.0 - 1e-9), "{corner} beyond the far end");
                 assert!(
                     found <= first * (1.0 + 1e-9) || found > 1.0,

@@ -92,6 +92,8 @@ fn step_up(x: f64) -> f64 {
 
 fn seen(light: DVec4, fit: Option<(DMat4, [DVec3; 2])>) -> SeenView {
     let (clip, ends) = fit.unzip();
+    // Where casters end is not told from where receivers do.
+    let ends = ends.map(|[near, far]: [DVec3; 2]| [near, far, far]);
     SeenView { view: FittedView { clip, light }, volume: Vec::new(), ends }
 }
 
@@ -270,7 +272,7 @@ mod tests {
                         .fold(0.0, f64::max);
                     assert!(off < 1e-9, "{light:?}: faces differ by {off}");
                 }
-                let [near, far] = views.iter().find_map(|seen| seen.ends).expect("casters");
+                let [near, _, far] = views.iter().find_map(|seen| seen.ends).expect("casters");
                 let reach = (near - far).length();
                 assert!(receivers == (reach > 12.0), "{light:?}, {receivers}: {reach} m");
             }
