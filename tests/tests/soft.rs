@@ -135,12 +135,16 @@ fn what_theory_says_of_two_sheets_holds_from_casters_to_visibility() {
     });
     near(below_a_square_light(&gpu, &slit, -0.5, &umbra), 0.0, "slit, taken for umbra");
     let quads = mask(Occluders::Microquad, false);
-    let no_cone = Config::Bitmask(Bitmask {
-        map: MapConfig { bias, ..map(1024) },
-        window: window(false),
-        ..Bitmask::default()
-    });
-    near(below_a_square_light(&gpu, &slit, -0.5, &no_cone), 0.0, "slit, microquads");
+    for occluders in [Occluders::ClosedMicropatch, Occluders::Microquad] {
+        let no_cone = Config::Bitmask(Bitmask {
+            map: MapConfig { bias, ..map(1024) },
+            window: window(false),
+            occluders,
+            ..Bitmask::default()
+        });
+        let found = below_a_square_light(&gpu, &slit, -0.5, &no_cone);
+        near(found, 0.0, "slit, without gaps");
+    }
     // Beside the light, and beside it and before it.
     let beside = [(1.2, 3.0, 2.0), (0.4, 3.0, 8.0)];
     near(below_a_square_light(&gpu, &beside, 0.0, &areas(true)), 1.0, "beside, areas");

@@ -57,10 +57,12 @@ pub enum Occluders {
     /// A texel as a rectangle parallel to the light. Light leaks between those of a sloping surface.
     Micropatch,
     /// The same, drawn out to its left, lower and diagonal neighbour (Guennebaud, Barthe, Paulin 2006; Bavoil 2008): no
-    /// leaks, and no slits where there should be.
-    ClosedMicropatch,
-    /// Four texel centres as corners, and the rectangle of their means (default). No leaks; what is one texel wide is lost.
+    /// leaks, and no slits where there should be. The default, though microquads are what was published with masks: in
+    /// penumbrae of `sphere`, `tree` and `street` the error is 0.49, 0.44 and 0.75 of theirs, for the same time.
     #[default]
+    ClosedMicropatch,
+    /// Four texel centres as corners, and the rectangle of their means, as published. No leaks; what is one texel wide is
+    /// lost.
     Microquad,
     /// Four texel centres, and exactly what they hide (Schwarz, Stamminger 2008). One to `tiles` turns of a loop for each of two
     /// triangles: with a `budget` above 64 Mesa's software device may end it early.
@@ -104,7 +106,7 @@ pub struct Bitmask {
     pub window: Window,
     /// Samples of the light, default 256. Cost: in proportion, a texel's operations.
     pub samples: Samples,
-    /// What occludes, default microquads.
+    /// What occludes, default micropatches without gaps.
     pub occluders: Occluders,
     /// Surfaces along each ray from the light's centre that occlude, 1 to 4, default 1: what lies behind the first hides other
     /// parts of the light. Cost: each a pass over the casters' triangles, which have to be known, and as many fetches as the

@@ -148,6 +148,11 @@ fn entries() -> Vec<Entry> {
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let two_layers_of_quads = Config::Bitmask(Bitmask {
+        occluders: Occluders::Microquad,
+        layers: 2,
+        ..Default::default()
+    });
     let single =
         |widths, scale| Config::SingleSample(SingleSample { widths, scale, ..Default::default() });
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
@@ -177,9 +182,11 @@ fn entries() -> Vec<Entry> {
             variant("32", Config::PcfPoisson(PcfPoisson { taps: 32, ..Default::default() })),
             variant("all", Config::Pcss(Pcss { search: 0, filter: 0, ..Default::default() })),
             variant("micropatch", bitmask(Occluders::Micropatch)),
-            variant("closed", bitmask(Occluders::ClosedMicropatch)),
+            variant("microquad", bitmask(Occluders::Microquad)),
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
+            variant("two-layers", Config::Bitmask(Bitmask { layers: 2, ..Default::default() })),
+            variant("microquad-two-layers", two_layers_of_quads),
             variant("euclidean", single(Widths::Euclidean, 1.0)),
             variant("city-block", single(Widths::CityBlock, 1.0)),
             variant("harder", single(Widths::Doubling, 2.0)),
