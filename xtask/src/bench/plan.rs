@@ -10,7 +10,7 @@ use antumbra_filter::{
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
-use antumbra_soft::{Bitmask, Occluders, Pcss, SingleSample, Widths};
+use antumbra_soft::{Bitmask, Occluders, OcclusionTextures, Pcss, SingleSample, Widths};
 use antumbra_volume::{Savings, Silhouette, ZFail};
 use anyhow::{Context as _, bail};
 use globset::Glob;
@@ -187,6 +187,10 @@ fn entries() -> Vec<Entry> {
             variant("microtri", bitmask(Occluders::Microtri)),
             variant("two-layers", Config::Bitmask(Bitmask { layers: 2, ..Default::default() })),
             variant("microquad-two-layers", two_layers_of_quads),
+            variant(
+                "16",
+                Config::OcclusionTextures(OcclusionTextures { slices: 16, ..Default::default() }),
+            ),
             variant("euclidean", single(Widths::Euclidean, 1.0)),
             variant("city-block", single(Widths::CityBlock, 1.0)),
             variant("harder", single(Widths::Doubling, 2.0)),
