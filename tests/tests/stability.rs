@@ -49,9 +49,6 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
         let mut technique = config.build(&gpu).expect("a valid config");
         for case in CASES.iter().filter(|case| keep(case.name)) {
             let Some(expected) = config.expectation(case.name) else { continue };
-            if OPEN.contains(&(config.id(), case.name)) {
-                continue;
-            }
             let measured = case.measure(&gpu, technique.as_mut(), size);
             let met = match (&measured, expected) {
                 (Err(_), Expectation::Refuses { .. }) => true,
@@ -66,14 +63,6 @@ fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
     }
     assert!(surprises.is_empty(), "not as expected:\n{}", surprises.join("\n"));
 }
-
-/// What does not come out as said, for reasons that are not known yet: the suite shows these pairs as surprises.
-const OPEN: &[(&str, &str)] = &[
-    ("sampling/lispsm", "K17 edge across splits"),
-    ("sampling/tsm", "K17 edge across splits"),
-    ("sampling/psm", "K17 edge across splits"),
-    ("sampling/psm", "K11 gap of depths"),
-];
 
 /// Shadows on planes have no samples of a light's map to place.
 const WITHOUT_MAP: [&str; 3] = ["map/planar", "map/shadow-texture", "map/disc"];

@@ -75,7 +75,8 @@ impl Arrange for Offset {
 }
 
 /// How far behind a light the pyramid through its outline has its tip if it is to hold the casters before it: h / d is
-/// the tangent of its half aperture, and h (z + d) / d the half side of what it holds at z.
+/// the tangent of its half aperture, and h (z + d) / d the half side of what it holds at z. Never so near that the widest
+/// view would cut off what a receiver within it looks up at z, which reaches out to h + z times that view's tangent.
 fn stand_off(light: &Light, hull: &[DVec3], center: DVec3, axis: DVec3) -> f64 {
     let sides = half_sides(light);
     let before = || hull.iter().map(|p| *p - center).filter(|p| axis.dot(*p) > 0.0);
@@ -86,5 +87,6 @@ fn stand_off(light: &Light, hull: &[DVec3], center: DVec3, axis: DVec3) -> f64 {
         let e = before().map(|p| half.normalize_or_zero().dot(p).abs()).fold(0.0, f64::max);
         if e > h { (h * farthest / (e - h)).min(limit) } else { limit }
     };
-    sides.into_iter().map(along).fold(limit, f64::min)
+    let least = sides.into_iter().map(DVec3::length).fold(0.0, f64::max) / WIDEST;
+    sides.into_iter().map(along).fold(limit, f64::min).max(least)
 }
