@@ -91,7 +91,7 @@ pub(crate) fn over_a_map(map: &MapConfig, accuracy: &Accuracy, case: &str) -> Op
 
 /// What theory says of slices, `count` of them at equal distances.
 pub(crate) fn of_slices(map: &MapConfig, count: u32, case: &str) -> Option<Expectation> {
-    use Expectation::{Holds, KnownLimit};
+    use Expectation::Holds;
     let (size, count) = (f64::from(map.size), f64::from(count));
     // An edge that is moved by e towards the receiver moves on the light by at most e z_p / (z (z_p - z)) of it.
     let moved = |e: f64, z: f64, receiver: f64| e * receiver / (z * (receiver - z));
