@@ -8,8 +8,7 @@
 //! One kind of false shadow is left: a crease between two facets that are both lit, and steeper than the bias cone as the
 //! light sees it, which happens where the light grazes one of them. Nothing in a map tells it from a caster.
 
-#[path = "shared/on_plane.rs"]
-mod on_plane;
+use crate::shared::on_plane;
 
 use std::collections::HashMap;
 

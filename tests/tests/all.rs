@@ -2,6 +2,13 @@
 //!
 //! Run a part by its path: `cargo test --release --workspace --test all soft::`.
 
+/// What several of them use.
+mod shared {
+    pub(crate) mod area;
+    pub(crate) mod on_plane;
+    pub(crate) mod slabs;
+}
+
 mod acne;
 mod cascades;
 mod composition;

@@ -13,8 +13,7 @@ use antumbra_scene::{LightKind, generate};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3, Vec3};
 
-#[path = "shared/slabs.rs"]
-mod slabs;
+use crate::shared::slabs;
 
 use slabs::{FLOOR, across, overhead, settings, slabs};
 

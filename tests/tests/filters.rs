@@ -15,8 +15,7 @@ use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3, Vec3};
 
-#[path = "shared/slabs.rs"]
-mod slabs;
+use crate::shared::slabs;
 
 use slabs::{FLOOR, across, overhead, places, settings, slabs};
 

@@ -1,7 +1,6 @@
 //! Only what matters is drawn and fitted to, and nothing that is seen changes by it.
 
-#[path = "shared/on_plane.rs"]
-mod on_plane;
+use crate::shared::on_plane;
 
 use std::collections::HashMap;
 

@@ -1,7 +1,6 @@
 //! Occlusion textures: exact behind one plate, their twin behind two, what fusion and slicing lose, and their cost.
 
-#[path = "shared/area.rs"]
-mod area;
+use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_filter::PcfGrid;

@@ -1,8 +1,7 @@
 //! Soft shadows from a single light sample: widths bit for bit, hard where the light has no extent, what theory says of
 //! them, and work that depends on the map alone.
 
-#[path = "shared/area.rs"]
-mod area;
+use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_gpu::{Gpu, Recorder, TechniqueConfig as _, read_f32_texture};

@@ -1,8 +1,7 @@
 //! Soft shadows from maps: hard where the light has no extent, exact behind one plate, finite always, and each
 //! technique's own faults.
 
-#[path = "shared/area.rs"]
-mod area;
+use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_filter::PcfGrid;

@@ -1,7 +1,6 @@
 //! Sheets below a square light, on which theory says what each technique sees: numbers of the technique, right or wrong.
 
-#[path = "shared/area.rs"]
-mod area;
+use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_map::{Bias, MapConfig, MapTechnique};

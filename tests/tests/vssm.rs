@@ -1,7 +1,6 @@
 //! Variance soft shadow mapping: its twin, exact behind one plate, and what two moments cannot tell.
 
-#[path = "shared/area.rs"]
-mod area;
+use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_gpu::{Gpu, bind, read_buffer, wgpu};

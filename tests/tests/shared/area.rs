@@ -1,5 +1,4 @@
 //! Stages of area lights: bodies, a plate whose shadow has a closed form, sheets below a square light.
-#![allow(dead_code, reason = "each test that shares this module uses a part of it")]
 
 use antumbra::Config;
 use antumbra_gpu::{Counters, Gpu};
