@@ -69,7 +69,7 @@ const WITHOUT_MAP: [&str; 3] = ["map/planar", "map/shadow-texture", "map/disc"];
 
 /// Families of which something is said on every other case. Of the others, `cargo xtask bench --suite stability` shows
 /// what is measured.
-const JUDGED: &[&str] = &["map/", "filter/", "soft/"];
+const JUDGED: &[&str] = &["map/", "filter/", "sampling/", "soft/"];
 
 /// Filters that bound nothing: of them something is said where casters are level.
 const LEVEL_ONLY: [&str; 5] = [
@@ -98,8 +98,7 @@ fn something_is_said_of_these_techniques_on_every_case() {
             .iter()
             .filter(|case| judged(case.name) && config.expectation(case.name).is_none());
         let named = unsaid.map(|case| case.name);
-        // Cases of where a map's samples go.
-        let placed = |name: &str| WITHOUT_MAP.contains(&config.id()) && name.starts_with('K');
+        let placed = |name: &str| WITHOUT_MAP.contains(&config.id()) && is_placed(name);
         named.filter(|name| !placed(name) && !is_a_leaky_crease(config, name)).collect()
     };
     let all: Vec<String> = techniques(1024)
@@ -115,7 +114,20 @@ fn something_is_said_of_these_techniques_on_every_case() {
 
 #[test]
 fn all_is_as_expected_on_small_maps() {
-    check(128, |_| true, |_| true);
+    check(128, |case| !is_placed(case), |_| true);
+}
+
+/// What is looked up in a map does not ask where its samples went: filters and soft shadows run on these cases in
+/// `cargo xtask bench --suite stability`, and over each layout in `composition`.
+#[test]
+fn samples_are_placed_as_expected_on_small_maps() {
+    let places = |config: &Config| ["map/", "sampling/"].iter().any(|f| config.id().starts_with(f));
+    check(128, is_placed, places);
+}
+
+/// Whether it is a case of where a map's samples go.
+fn is_placed(case: &str) -> bool {
+    case.starts_with('K')
 }
 
 /// On maps of the usual size: what reads depth alone. `cargo xtask bench --suite stability` runs all.

@@ -128,13 +128,22 @@ pub(crate) fn expectation(
         },
         // As HC-01 C, and seen are 192 texels a side.
         "HC-25 caster out of sight" => slanting(exact, bound, (kernel.spread, texel), size, 192.0),
-        // The window follows what is seen in steps, and its texels are up to an eighth of an octave larger.
-        "K1 plates of one size" | "K2 tilted suns" | "K20 long horizon" => stepped(exact),
+        // No less than the mean of comparisons, and no more than 1.
+        "K5 far fence" => match exact {
+            Expectation::Holds { bound } => Expectation::Holds { bound: bound.max(0.2) },
+            _ => exact,
+        },
         // Pages at 60 degrees to the floor, up to 1.1 m above it of 3 m, 8 m wide in all: within each, 0.41 m from its sides
         // at most. A strip 0.4 m wide at all slopes, 1 m and more above the floor; casters are 7.2 m wide in all.
         "HC-19 three and four triangles on an edge" => {
             let spread = kernel.spread * 3f64.sqrt() * 8.0 * texel / size / 3.0;
             behind_slopes(exact, bound.leak(1.1 / 3.0, spread), 0.42 / (8.0 / size))
+        }
+        // A triangle that rises by a half, 1 m above the floor and more, of a range of 4 m; 0.42 m from its sides at most. The
+        // triangles are 3 m wide in all.
+        "K19 odd triangles" => {
+            let spread = kernel.spread * 0.5 * 3.0 * texel / size / 4.0;
+            behind_slopes(exact, bound.leak(0.25, spread), 0.42 / (3.0 / size))
         }
         "HC-20 winding without a side" => {
             let steep = matches!(bound, Bound::Variance { .. } | Bound::Layers { .. });
@@ -183,14 +192,6 @@ fn slanting(
     // Depth changes by as much as one goes to the side.
     let spread = spread * wide / size / range;
     leaky(exact, bound, seen.min(size), 1.0 - deep / range, 1.0, spread)
-}
-
-/// `exact` in texels that steps of a window, of an eighth of an octave, make larger.
-pub(crate) fn stepped(exact: Expectation) -> Expectation {
-    match exact {
-        Expectation::Holds { bound } => Expectation::Holds { bound: bound * 0.125_f64.exp2() },
-        other => other,
-    }
 }
 
 /// `exact`, or a known limit where casters slope so much that the spread of depth within the kernel leaks `leak`: then all of
@@ -277,6 +278,5 @@ pub(crate) fn of_level_casters(
     case: &str,
 ) -> Option<Expectation> {
     let is_level = LEVEL.iter().any(|name| case.starts_with(name));
-    let exact = is_level.then(|| antumbra_map::expectation(map, estimator, case)).flatten()?;
-    Some(if case.starts_with('K') { stepped(exact) } else { exact })
+    is_level.then(|| antumbra_map::expectation(map, estimator, case)).flatten()
 }

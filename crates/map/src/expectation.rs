@@ -135,11 +135,18 @@ fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option
         | "HC-25 caster out of sight"
         | "HC-19 three and four triangles on an edge"
         | "HC-20 winding without a side"
-        | "HC-22 vertex on an edge"
-        | "K1 plates of one size"
+        | "HC-22 vertex on an edge" => Holds { bound: reach },
+        // The window follows what is seen in steps, and its texels are up to an eighth of an octave larger.
+        "K1 plates of one size"
         | "K2 tilted suns"
+        | "K4 facing wall"
+        | "K4 side wall"
+        | "K6 skyline"
+        | "K11 gap of depths"
+        | "K16 pile-up"
         | "K17 edge across splits"
-        | "K20 long horizon" => Holds { bound: reach },
+        | "K19 odd triangles"
+        | "K20 long horizon" => Holds { bound: reach * 0.125_f64.exp2() },
         "HC-04 thin wall" | "HC-05 cube" => Holds { bound: gap },
         // Reversed float depth keeps 1 part in 2^23 of the distance, and the lookup's rounding is bounded relative
         // to it; the case needs 1 in 10000.
@@ -182,12 +189,14 @@ fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option
         | "K7 crossing triangle"
         | "K8 spot lights in view"
         | "K9 nothing in view"
-        | "K10 flat depth"
-        | "K11 gap of depths" => Holds { bound: 0.0 },
+        | "K10 flat depth" => Holds { bound: 0.0 },
+        // Neighbours share their edge's texels, and positions are relative to an origin near the scene.
+        "K14 eight thousand kilometres" | "K18 fan" => Holds { bound: 0.0 },
         // Seen edge-on, a triangle covers no texel.
         "HC-21 light in the plane" | "HC-24 light at a corner" => Holds { bound: 0.0 },
         "HC-24 lamp in a cube, in view" => Holds { bound: 0.0 },
         "HC-31 wire below a texel" => wire(radius, size, texel),
+        "K5 far fence" => Holds { bound: fence(reach, size) },
         // Holes are drawn as such.
         "HC-35 checker" => Holds { bound: 0.0 },
         "HC-35 checker of texels" => Holds { bound: checker(radius, size) },
@@ -225,6 +234,17 @@ fn moved(shift: f64, texel: f64, size: f64) -> f64 {
 fn checker(radius: f64, size: f64) -> f64 {
     let repetitions = 2.0 * (radius.ceil() + 1.0) + 2.0;
     0.5 * (repetitions / size).powi(2) + 4.0 * 0.5 / 128.0
+}
+
+/// K5: how far the mean visibility behind the fence may be off four fifths.
+///
+/// As the light sees it the fence is 69 m long, and the strip of floor that is looked at 70 m by 0.85 m. Whether a texel's
+/// centre lies on a bar is as random as a coin that falls on one side in four of five throws, and so is whether a sample
+/// does: four deviations of either mean. Next to the strip's ends, where texels lie beyond the shadow, a fifth is missing.
+fn fence(reach: f64, size: f64) -> f64 {
+    let texel = 69.0 / size;
+    let texels = 70.0 * 0.85 / (texel * texel);
+    4.0 * 0.4 / texels.sqrt() + 4.0 * 0.4 / 128.0 + 0.2 * (2.0 * reach * texel / 0.85).min(1.0)
 }
 
 /// HC-31: a wire 0.4 ideal texels thick at 30 degrees to the texels' rows, seen under its axis.

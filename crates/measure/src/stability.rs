@@ -424,6 +424,30 @@ pub const CASES: &[Case] = &[
         measure: sampled::light_along_the_view,
     },
     Case {
+        name: "K4 facing wall",
+        about: "a wall half a degree off the light, under a plate of 2 cm: 115 times a texel's side down the wall",
+        number: FARTHEST,
+        measure: sampled::facing_wall,
+    },
+    Case {
+        name: "K4 side wall",
+        about: "the same for a wall that runs away from the viewer, under a plate of 1.5 cm",
+        number: FARTHEST,
+        measure: sampled::side_wall,
+    },
+    Case {
+        name: "K5 far fence",
+        about: "bars of 2 cm every 10 cm, 80 m away: four fifths of the light come through",
+        number: "distance of the mean visibility from four fifths",
+        measure: |gpu, technique, _| sampled::far_fence(gpu, technique),
+    },
+    Case {
+        name: "K6 skyline",
+        about: "as the viewer walks past a wall with a gap, towers 900 m off come into view and go",
+        number: FARTHEST,
+        measure: sampled::skyline,
+    },
+    Case {
         name: "K7 slab behind the camera",
         about: "a slab 300 m up and 150 m behind the camera shadows the floor before it",
         number: WRONG,
@@ -456,8 +480,14 @@ pub const CASES: &[Case] = &[
     Case {
         name: "K11 gap of depths",
         about: "a thing in the hand, and a landscape from 400 m on",
-        number: WRONG,
+        number: FARTHEST,
         measure: sampled::depth_gap,
+    },
+    Case {
+        name: "K14 eight thousand kilometres",
+        about: "K1 moved by 2^20 m and 2^23 m along x and z looks the same as at the origin",
+        number: "share of samples that the move changes",
+        measure: |gpu, technique, _| sampled::far_away(gpu, technique),
     },
     Case {
         name: "K15 turning camera",
@@ -466,10 +496,28 @@ pub const CASES: &[Case] = &[
         measure: |gpu, technique, _| motion::turning_camera(gpu, technique),
     },
     Case {
+        name: "K16 pile-up",
+        about: "light along a wall: its samples, a quarter of the picture, fall into one column of the map",
+        number: FARTHEST,
+        measure: sampled::pile_up,
+    },
+    Case {
         name: "K17 edge across splits",
         about: "a straight edge runs away from the eye through all depths",
         number: FARTHEST,
         measure: sampled::edge_across_splits,
+    },
+    Case {
+        name: "K18 fan",
+        about: "64 triangles around a vertex leave no crack, whichever way the sun turns",
+        number: "largest share of lit samples of 6 suns",
+        measure: |gpu, technique, _| sampled::fan(gpu, technique),
+    },
+    Case {
+        name: "K19 odd triangles",
+        about: "triangles that are points, lines, there three times, or edge-on to the sun",
+        number: FARTHEST,
+        measure: sampled::odd_triangles,
     },
     Case {
         name: "K20 long horizon",

@@ -69,6 +69,13 @@ pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectati
         {
             without(1.0, 1.0)
         }
+        // Without a shadow, all of the light comes through where four fifths should.
+        "K5 far fence" if config.surface == SecondSurface::SecondLayer => without(0.19, 0.21),
+        "K18 fan" => without(1.0, 1.0),
+        // Below a triangle that is there three times lies the floor; one of the three turns its back to the sun.
+        "K19 odd triangles" if config.surface == SecondSurface::SecondLayer => {
+            without(f64::MIN_POSITIVE, size)
+        }
         // Below the first of many sheets lies the second.
         "HC-18 sheets" | "HC-18 256 sheets" if config.surface == SecondSurface::SecondLayer => {
             Holds { bound: 0.0 }
@@ -183,6 +190,12 @@ fn virtual_occluder(map_size: u32, limit: f64, case: &str) -> Option<Expectation
         "HC-12 two triangles below the light" => KnownLimit {
             at_least: f64::MIN_POSITIVE,
             at_most: 0.5,
+            because: "the end of the map stands for a second layer, and halfway to it lies beyond the floor",
+        },
+        // The same behind the fence's bars: at most all of their fifth is lit.
+        "K5 far fence" if !limit.is_finite() => KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: 0.2 + 4.0 * 0.4 / 128.0,
             because: "the end of the map stands for a second layer, and halfway to it lies beyond the floor",
         },
         "HC-08 sphere's limb" => {

@@ -1,5 +1,7 @@
 //! What theory says of the techniques of `triangles.rs`.
 
+use std::f64::consts::{SQRT_2, TAU};
+
 use antumbra_gpu::Expectation;
 
 use super::depth_map;
@@ -95,15 +97,20 @@ pub(crate) fn polygon_id(config: &PolygonId, case: &str) -> Option<Expectation> 
         "HC-13 depth precision, near caster" => Holds { bound: 0.5 * texel / size },
         // The diagonal of the wall, at most the map's, half of a texel wide in the mean; twice for uneven phases.
         "HC-17 beyond the far plane" if alone => {
-            along_edges(f64::MIN_POSITIVE, std::f64::consts::SQRT_2 * texel / size)
+            along_edges(f64::MIN_POSITIVE, SQRT_2 * texel / size)
         }
         // The same of a plate at 9 m, in a map as wide as the quad is at 1 m.
         "HC-38 depth along a long edge" if alone => {
-            along_edges(f64::MIN_POSITIVE, std::f64::consts::SQRT_2 * 9.0 * texel / size)
+            along_edges(f64::MIN_POSITIVE, SQRT_2 * 9.0 * texel / size)
         }
+        // The wall's two triangles meet across all of its 60 m; an ideal map is 920 m wide.
+        "K6 skyline" if alone => along_edges(f64::MIN_POSITIVE, 60.0 / (920.0 / size)),
         _ => return plain(config.size, config.reach, case),
     })
 }
+
+/// K18: how far from the fan's middle samples are looked at, metres.
+const FAN_SEEN: f64 = 1.3;
 
 pub(crate) fn triangle_depth(config: &TriangleDepth, case: &str) -> Option<Expectation> {
     let size = f64::from(config.size);
@@ -123,6 +130,18 @@ pub(crate) fn triangle_depth(config: &TriangleDepth, case: &str) -> Option<Expec
         // Distances of planes, to the rounding of positions.
         "HC-13 depth precision, near caster" => Holds { bound: 0.0 },
         "HC-31 wire below a texel" => wire(size, texel, config.reach),
+        // At most all of the bars' fifth is lit, but for what samples see of it.
+        "K5 far fence" => KnownLimit {
+            at_least: f64::MIN_POSITIVE,
+            at_most: 0.2 + 4.0 * 0.4 / 128.0,
+            because: "the triangle that a ray meets counts only where a texel's centre falls on it",
+        },
+        // A triangle is known where it holds a texel's centre, which it surely does where it is wider than a texel's diagonal:
+        // a 64th of a turn, so far from the middle. The fan is 4 m wide.
+        "K18 fan" => {
+            let wide = SQRT_2 * 4.0 * texel / size / (TAU / 64.0);
+            Holds { bound: (wide / FAN_SEEN).min(1.0) }
+        }
         _ => return plain(config.size, config.reach, case),
     })
 }

@@ -1,13 +1,16 @@
 //! Cases that are hard on where a map's samples go: views deep and shallow, empty and with gaps, casters far outside of
 //! them, lights along them and in them.
 
+use std::f64::consts::TAU;
+
 use antumbra_gpu::{Gpu, Technique};
 use antumbra_reference::ViewSample;
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Camera, Light, Mesh, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::topology::farthest_wrong_under;
+use super::topology::{farthest_wrong_under, is_floor};
+use super::unit_cube;
 use super::viewed::{BAND, Viewed, camera};
 use crate::{MeasureError, Stage};
 
@@ -38,7 +41,12 @@ fn upright(center: DVec3, half: f64) -> Mesh {
 
 /// A wall in the plane z, facing +z.
 fn wall(z: f64, half: f64) -> Mesh {
-    shapes::quad(z * DVec3::Z, half * DVec3::X, half * DVec3::Y)
+    wall_between(z * DVec3::Z, half * DVec3::X, half * DVec3::Y)
+}
+
+/// A wall of these half sides, facing along their cross product.
+fn wall_between(center: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {
+    shapes::quad(center, half_u, half_v).named("wall")
 }
 
 /// A floor, and level plates close above it, each `ratio` times as far as the one before from 4 m on, that cover the
@@ -63,14 +71,21 @@ fn worst(
     map_size: u32,
 ) -> Result<f64, MeasureError> {
     let stage = Stage::new(gpu, scene, camera, VIEW, VIEW)?;
-    let mut worst = 0.0_f64;
-    for direction in suns {
-        let light = sun(*direction);
-        let found = farthest_wrong_under(gpu, technique, (scene, &stage), &light, map_size)?;
-        // NaN, where nothing was judged, is worst.
-        worst = if found <= worst { worst } else { found };
+    let suns = suns.iter().map(|direction| {
+        let judged = (map_size, is_floor as fn(DVec3, Vec3) -> bool);
+        farthest_wrong_under(gpu, technique, (scene, &stage), &sun(*direction), judged)
+    });
+    largest(suns)
+}
+
+/// The largest; NaN, where nothing was judged, is larger than all.
+fn largest(numbers: impl Iterator<Item = Result<f64, MeasureError>>) -> Result<f64, MeasureError> {
+    let mut largest = 0.0_f64;
+    for number in numbers {
+        let number = number?;
+        largest = if number <= largest { largest } else { number };
     }
-    Ok(worst)
+    Ok(largest)
 }
 
 /// K1: plates from 4 m to 91 m, of 6 % of the picture's width each, under a sun overhead.
@@ -95,6 +110,205 @@ pub(super) fn tilted_suns(
         DVec3::new(0.0, -sin, -cos)
     });
     worst(gpu, technique, (&scene, ahead(1.0)), &suns, map_size)
+}
+
+/// K4 a: a wall that faces the viewer, half a degree off the light, under a plate 2 cm deep: across the light a texel is
+/// what it is, down the wall 115 times as long.
+pub(super) fn facing_wall(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let (sin, cos) = 0.5_f64.to_radians().sin_cos();
+    let mut scene = Scene::default();
+    let wall = wall_between(DVec3::new(0.0, 4.0, -20.0), 10.0 * DVec3::X, 4.0 * DVec3::Y);
+    scene.add(wall, DAffine3::IDENTITY);
+    let plate = shapes::cuboid(DVec3::new(-10.0, 8.999, -19.97), DVec3::new(10.0, 9.0, -19.95));
+    scene.add(plate, DAffine3::IDENTITY);
+    let is_wall = |p: DVec3, n: Vec3| n == Vec3::Z && p.y < 8.5;
+    edge_on(gpu, technique, &scene, DVec3::new(0.0, -cos, -sin), (map_size, is_wall))
+}
+
+/// K4 b: the same for a wall beside the viewer that runs away from him.
+pub(super) fn side_wall(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let (sin, cos) = 0.5_f64.to_radians().sin_cos();
+    let is_wall = |p: DVec3, n: Vec3| n == Vec3::NEG_X && p.y < 4.1;
+    edge_on(gpu, technique, &beside_a_wall(), DVec3::new(sin, -cos, 0.0), (map_size, is_wall))
+}
+
+/// K16: the light shines along that wall, whose samples fall into one column of the map. The floor is judged: on the
+/// wall light and shadow are one.
+pub(super) fn pile_up(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let mut scene = beside_a_wall();
+    scene.add(shapes::floor(120.0), DAffine3::IDENTITY);
+    edge_on(gpu, technique, &scene, DVec3::NEG_Y, (map_size, is_floor))
+}
+
+/// A wall from 1 m to 100 m away, 2 m to the right, that faces left, and above it a plate of its length and 1.5 cm.
+fn beside_a_wall() -> Scene {
+    let mut scene = Scene::default();
+    let wall = wall_between(DVec3::new(2.0, 2.0, -50.5), 49.5 * DVec3::Z, 2.0 * DVec3::Y);
+    scene.add(wall, DAffine3::IDENTITY);
+    let plate = shapes::cuboid(DVec3::new(1.97, 4.499, -100.0), DVec3::new(1.985, 4.5, -1.0));
+    scene.add(plate, DAffine3::IDENTITY);
+    scene
+}
+
+fn edge_on(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    scene: &Scene,
+    direction: DVec3,
+    judged: (u32, fn(DVec3, Vec3) -> bool),
+) -> Result<f64, MeasureError> {
+    let stage = Stage::new(gpu, scene, ahead(1.0), VIEW, VIEW)?;
+    farthest_wrong_under(gpu, technique, (scene, &stage), &sun(direction), judged)
+}
+
+/// K5: the mean visibility behind a fence of bars of 2 cm every 10 cm, 80 m away and 2 m high, less the four fifths that
+/// lie between the bars.
+pub(super) fn far_fence(gpu: &Gpu, technique: &mut dyn Technique) -> Result<f64, MeasureError> {
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(120.0), DAffine3::IDENTITY);
+    let mut fence = Mesh { name: "fence".to_owned(), ..Mesh::default() };
+    for bar in -400..=400 {
+        let x = 0.1 * f64::from(bar);
+        let bar = shapes::quad(DVec3::new(x, 1.0, -80.0), 0.01 * DVec3::X, DVec3::Y);
+        let first = fence.positions.len() as u32;
+        fence.triangles.extend(bar.triangles.iter().map(|t| t.map(|corner| first + corner)));
+        fence.positions.extend(bar.positions);
+    }
+    scene.add(fence, DAffine3::IDENTITY);
+    let light = sun(DVec3::new(0.5, -std::f64::consts::FRAC_1_SQRT_2, 0.5));
+    let points: Vec<_> = unit_cube(SIDE * SIDE)
+        .map(|[a, b, _]| DVec3::new(70.0 * a - 35.0, 0.0, -79.9 + 1.2 * b) - scene.origin())
+        .map(|p| ViewSample { position: p.as_vec3(), normal: Vec3::Y })
+        .collect();
+    let size = (SIDE as u32, SIDE as u32);
+    let stage = Stage::seen(gpu, &scene, &ahead(1.0), size, &points)?;
+    let visibility = stage.shoot(gpu, &light, technique, 0)?.visibility;
+    let mean = visibility.iter().map(|v| f64::from(*v)).sum::<f64>() / points.len() as f64;
+    Ok((mean - 0.8).abs())
+}
+
+/// Side of the square of samples that K5 and K18 take.
+const SIDE: usize = 128;
+
+/// K6: as the viewer walks past a wall with a gap, towers 900 m off come into view and go. Plates before the wall throw
+/// their shadows on it.
+pub(super) fn skyline(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let mut scene = Scene::default();
+    for (left, right) in [(-30.0, 4.0), (6.0, 30.0)] {
+        let (middle, half) = (0.5 * (left + right), 0.5 * (right - left));
+        let part = wall_between(DVec3::new(middle, 7.5, -20.0), half * DVec3::X, 7.5 * DVec3::Y);
+        scene.add(part, DAffine3::IDENTITY);
+    }
+    for k in 0..10 {
+        let corner = DVec3::new(100.0 * f64::from(k) - 460.0, 0.0, -920.0);
+        let tower = shapes::cuboid(corner, corner + DVec3::new(20.0, 80.0, 20.0));
+        scene.add(tower, DAffine3::IDENTITY);
+    }
+    for k in 0..8 {
+        let center = DVec3::new(5.0 * f64::from(k) - 17.0, 6.0, -19.0);
+        scene.add(upright(center, 1.0), DAffine3::IDENTITY);
+    }
+    let light = sun(DVec3::new(0.2, -1.0, -1.0));
+    let steps = [-10.0, 0.0, 5.0].map(|x| {
+        let mut camera = ahead(1.0);
+        camera.eye.x = x;
+        camera.target.x = x;
+        let stage = Stage::new(gpu, &scene, camera, VIEW, VIEW)?;
+        let judged: (_, fn(DVec3, Vec3) -> bool) =
+            (map_size, |p, n| n == Vec3::Z && (p.z + 20.0).abs() < 1e-4);
+        farthest_wrong_under(gpu, technique, (&scene, &stage), &light, judged)
+    });
+    largest(steps.into_iter())
+}
+
+/// K14: the share of K1's samples that change when all of it moves by 1000 and by 8000 kilometres, in steps of the grid on
+/// which origins lie ([`Scene::origin`]).
+pub(super) fn far_away(gpu: &Gpu, technique: &mut dyn Technique) -> Result<f64, MeasureError> {
+    let scene = plates(120.0, 1.25, 15);
+    let mut shoot = |offset: DVec3| -> Result<Vec<f32>, MeasureError> {
+        let mut camera = ahead(1.0);
+        camera.eye += offset;
+        camera.target += offset;
+        let stage = Stage::new(gpu, &scene.translated(offset), camera, VIEW, VIEW)?;
+        Ok(stage.shoot(gpu, &sun(DVec3::NEG_Y), technique, 0)?.visibility)
+    };
+    let here = shoot(DVec3::ZERO)?;
+    largest([20, 23].into_iter().map(|power| {
+        let metres = 2f64.powi(power);
+        let there = shoot(DVec3::new(metres, 0.0, metres))?;
+        let changed = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+        Ok(changed as f64 / here.len() as f64)
+    }))
+}
+
+/// K18: the share of lit samples under a fan of 64 triangles around a vertex, most of them on the shadow of an edge
+/// between two, under six suns a degree apart.
+pub(super) fn fan(gpu: &Gpu, technique: &mut dyn Technique) -> Result<f64, MeasureError> {
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(4.0), DAffine3::IDENTITY);
+    scene.add(shapes::disc(DVec3::Y, 2.0, 64), DAffine3::IDENTITY);
+    let suns = (0..6).map(|degrees| {
+        let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+        let direction = DVec3::new(0.3 * cos, -1.0, 0.3 * sin);
+        // From the middle towards the rim and the edges between the triangles, up to where a kernel reaches beyond.
+        let under = |i: usize| {
+            let (sin, cos) = (TAU * (i / SIDE) as f64 / 64.0).sin_cos();
+            let out = DVec3::new(sin, 0.0, cos) * (1.3 * (i % SIDE) as f64 / SIDE as f64);
+            let position = DVec3::Y + direction + out - scene.origin();
+            ViewSample { position: position.as_vec3(), normal: Vec3::Y }
+        };
+        let points: Vec<_> = (0..64 * SIDE).map(under).collect();
+        let stage = Stage::at_points(gpu, &scene, &points)?;
+        let visibility = stage.shoot(gpu, &sun(direction), technique, 0)?.visibility;
+        // Asked this way round, NaN is wrong.
+        let dark = visibility[..points.len()].iter().filter(|v| **v <= 0.5).count();
+        Ok((points.len() - dark) as f64 / points.len() as f64)
+    });
+    largest(suns)
+}
+
+/// K19: triangles that are points and lines, that are there twice and once more the other way round, and that the sun
+/// sees edge-on.
+pub(super) fn odd_triangles(
+    gpu: &Gpu,
+    technique: &mut dyn Technique,
+    map_size: u32,
+) -> Result<f64, MeasureError> {
+    let mut scene = Scene::default();
+    scene.add(shapes::floor(6.0), DAffine3::IDENTITY);
+    let positions = [
+        [0.0, 1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [2.0, 1.0, 0.0],
+        [1.0, 1.5, 1.0],
+        [-1.0, 0.5, -1.0],
+        [-1.0, 2.0, -1.0],
+        [0.5, 4.0, 0.25],
+    ];
+    let mesh = Mesh {
+        name: "odd triangles".to_owned(),
+        positions: positions.map(Vec3::from_array).to_vec(),
+        triangles: vec![[0, 0, 0], [0, 1, 2], [0, 2, 3], [0, 2, 3], [0, 3, 2], [4, 5, 6]],
+    };
+    scene.add(mesh, DAffine3::IDENTITY);
+    let eye = DVec3::new(0.0, 6.0, 6.0);
+    worst(gpu, technique, (&scene, camera(eye, DVec3::ZERO, 0.1)), &[DVec3::NEG_Y], map_size)
 }
 
 /// K17: the edge of one plate, 210 m long, runs away from the eye through every slice of depth.
@@ -284,13 +498,13 @@ pub(super) fn depth_gap(
 ) -> Result<f64, MeasureError> {
     let mut scene = Scene::default();
     let center = DVec3::new(0.0, -60.0, -700.0);
-    scene.add(shapes::quad(center, 300.0 * DVec3::Z, 600.0 * DVec3::X), DAffine3::IDENTITY);
+    let landscape = shapes::quad(center, 300.0 * DVec3::Z, 600.0 * DVec3::X).named("floor");
+    scene.add(landscape, DAffine3::IDENTITY);
     scene.add(level(center + 50.0 * DVec3::Y, 100.0), DAffine3::IDENTITY);
     let hand = DVec3::new(0.3, -0.3, -1.2);
     scene.add(shapes::cuboid(hand - 0.1, hand + 0.1), DAffine3::IDENTITY);
-    // As the sun sees them, hand and plate are 900 m apart at most.
-    let band = BAND * 900.0 / f64::from(map_size);
-    let lit = square_shadow(DVec3::Y, center, (100.0, band, 290.0));
-    let views = (DVec3::ZERO, DVec3::new(0.0, -60.0, -600.0), 0.1);
-    look(gpu, technique, (&scene, &sun(DVec3::NEG_Y)), views, &lit)
+    let seen = camera(DVec3::ZERO, DVec3::new(0.0, -60.0, -600.0), 0.1);
+    let stage = Stage::new(gpu, &scene, seen, VIEW, VIEW)?;
+    let judged: (_, fn(DVec3, Vec3) -> bool) = (map_size, |p, n| n == Vec3::Y && p.y < -59.0);
+    farthest_wrong_under(gpu, technique, (&scene, &stage), &sun(DVec3::NEG_Y), judged)
 }

@@ -40,6 +40,20 @@ pub(super) fn matched(
             let displacement = f64::from(config.displacement);
             Holds { bound: as_seen(bound(of?) * coarser, displacement, width / f64::from(size?)) }
         }
+        "K1 plates of one size"
+        | "K2 tilted suns"
+        | "K4 facing wall"
+        | "K4 side wall"
+        | "K6 skyline"
+        | "K11 gap of depths"
+        | "K16 pile-up"
+        | "K17 edge across splits"
+        | "K19 odd triangles"
+        | "K20 long horizon" => {
+            let (pixel, side) = longest_pixel(case)?;
+            let displaced = (f64::from(config.displacement) + 1.0 / 128.0) * pixel;
+            Holds { bound: (displaced / (side / f64::from(size?))).max(bound(of?) * coarser) }
+        }
         // What is looked at lies under the wire, of whose pages the atlas holds those of the second finest level. Once
         // the wire, 0.4 texels of a plain map at 30 degrees to the rows, is wider than a texel is across it, some texel's
         // centre lies in it everywhere.
@@ -64,6 +78,28 @@ pub(super) fn matched(
             Holds { bound: bound(of?) * 2.0 * 6f64.sqrt() / (0.75 * 0.5) * 3.0 / 2.0 }
         }
         _ => return antumbra_map::without_holes(case).or(of),
+    })
+}
+
+/// The longest side of what a pixel sees of a receiver, and the side of the map that the case counts texels of, metres.
+///
+/// Of 128 rows over an angle of 2 a, one at a depth z is 2 tan a / 128 of z wide, and on a floor or a wall h beside the eye
+/// z / h as long.
+fn longest_pixel(case: &str) -> Option<(f64, f64)> {
+    let beside = |z: f64, h: f64, tan: f64| 2.0 * tan / 128.0 * z * z / h;
+    Some(match case {
+        "K1 plates of one size" => (beside(98.0, 1.7, 0.5), 89.8),
+        "K2 tilted suns" => (beside(98.0, 1.7, 0.5), 45.9),
+        "K4 facing wall" => (20.0 / 128.0, 20.0),
+        "K4 side wall" => (beside(100.0, 2.0, 0.5), 99.0),
+        "K6 skyline" => (20.0 / 128.0, 920.0),
+        "K11 gap of depths" => (beside(800.0, 60.0, 1.0), 900.0),
+        "K16 pile-up" => (beside(100.0, 1.7, 0.5), 99.0),
+        "K17 edge across splits" => (beside(250.0, 1.7, 0.5), 210.0),
+        "K19 odd triangles" => (beside(9.0, 6.0, 1.0), 3.0),
+        // The last row that ends on the floor sees it at 435 m.
+        "K20 long horizon" => (435.0, 8400.0),
+        _ => return None,
     })
 }
 
