@@ -51,7 +51,7 @@ fn placed() -> Vec<Config> {
     vec![
         Config::Cascades(cascades(evsm.clone())),
         Config::Cascades(Cascades { select: Select::Depth, ..cascades(pcf.clone()) }),
-        Config::Sdsm(Sdsm { of: msm, count: 3, clusters: true, blend: 0.1, cull: true }),
+        Config::Sdsm(Sdsm { of: msm, count: 3, clusters: true, ..Default::default() }),
         Config::Lispsm(lispsm(evsm)),
         Config::Lispsm(lispsm(pcf)),
     ]

@@ -235,7 +235,7 @@ fn clusters_spend_no_cascade_on_a_gap() {
         .collect();
     assert!(depths.iter().all(|z| *z < 2.0 || *z > 300.0), "a gap");
     let filled = |clusters: bool| {
-        let mut technique = measured(&gpu, &Sdsm { clusters, ..Sdsm::default() });
+        let mut technique = measured(&gpu, &Sdsm { clusters, tiles: false, ..Sdsm::default() });
         shoot(&gpu, &stage, &mut technique);
         let views = read_views(&gpu, &technique, 4);
         let used = views.iter().take(4).filter(|v| v.clip.is_some()).count();
@@ -315,13 +315,7 @@ fn filters_stores_and_ids_run_over_measured_cascades() {
         let mut of: Config =
             serde_json::from_str(&format!(r#"{{ "technique": "{id}" }}"#)).expect("known");
         of.set_map_size(256);
-        let over = Config::Sdsm(Sdsm {
-            of: Box::new(of.clone()),
-            count: 4,
-            clusters: false,
-            blend: 0.1,
-            cull: true,
-        });
+        let over = Config::Sdsm(Sdsm { of: Box::new(of.clone()), ..Default::default() });
         let (with, without) = (error(&over), error(&of));
         assert!(with < 0.8 * without, "{id}: {with} with measured cascades, {without} without");
     }
@@ -342,21 +336,69 @@ fn with_a_gap_errors_are_smaller_than_those_of_practical_splits_of_as_many_bytes
     let gpu = gpu();
     let (scene, camera) = gap();
     let stage = Stage::new(&gpu, &scene, camera, SIDE, SIDE).expect("a stage");
-    // By map, cascades that see everything share the scene out in tiles, which here beats any split by depth.
+    // By map, cascades that see everything share the scene out in tiles and none is left for what is in the hand.
     let by_depth = Cascades::<()> { select: Select::Depth, ..Default::default() };
     let mut steady = plain(&gpu).rearranged(|others| by_depth.arrange(others)).expect("valid");
     let practical = rmse(&stage, &shoot(&gpu, &stage, &mut steady));
     assert!(practical > 0.01, "{practical}: edges to be wrong at");
     for clusters in [false, true] {
-        let mut technique = measured(&gpu, &Sdsm { clusters, ..Sdsm::default() });
-        let found = rmse(&stage, &shoot(&gpu, &stage, &mut technique));
-        let bytes = [technique.map().bytes(), steady.map().bytes()];
-        assert!(bytes[0] <= 4 * u64::from(MAP * MAP) * 4 + 4096, "{bytes:?}");
-        assert!(
-            found < practical,
-            "{found} measured (clusters: {clusters}), {practical} practical"
-        );
+        let run = |tiles| {
+            let mut technique = measured(&gpu, &Sdsm { clusters, tiles, ..Sdsm::default() });
+            let error = rmse(&stage, &shoot(&gpu, &stage, &mut technique));
+            let bytes = [technique.map().bytes(), steady.map().bytes()];
+            assert!(bytes[0] <= 4 * u64::from(MAP * MAP) * 4 + 4096, "{bytes:?}");
+            error
+        };
+        let (slices, tiles) = (run(false), run(true));
+        assert!(slices < practical, "{slices} measured (clusters: {clusters}), {practical}");
+        // Even cuts leave two cascades empty, which share the landscape out with the third.
+        let most = if clusters { slices } else { 0.9 * slices };
+        assert!(tiles <= most, "{tiles} in tiles (clusters: {clusters}), {slices}");
     }
+}
+
+/// From high above, every slice of depths is as wide as the scene.
+#[test]
+fn slices_that_see_the_same_share_it_out_in_tiles() {
+    let gpu = gpu();
+    let scene = boxes();
+    let above = Camera { eye: DVec3::new(0.0, 150.0, -20.0), up: DVec3::NEG_Z, ..camera(0.05) };
+    let above = Camera { target: DVec3::new(0.0, 0.0, -50.0), ..above };
+    let stage = Stage::new(&gpu, &scene, above, SIDE, SIDE).expect("a stage");
+    let run = |tiles| {
+        let mut technique = measured(&gpu, &Sdsm { tiles, ..Sdsm::default() });
+        shoot(&gpu, &stage, &mut technique);
+        let views = read_views(&gpu, &technique, 4);
+        let texel = sampling(&gpu, &stage, &technique, &views).quantile(0.5).expect("samples");
+        let clips: Vec<DMat4> = views.iter().take(4).filter_map(|v| v.clip).collect();
+        (texel, clips, technique)
+    };
+    let ((in_slices, ..), (in_tiles, clips, technique)) = (run(false), run(true));
+    assert!(in_tiles < 0.8 * in_slices, "{in_tiles} in tiles, {in_slices} in slices");
+    let texels: Vec<[f64; 2]> =
+        clips.iter().map(|clip| [0, 1].map(|axis| window(clip, axis).2)).collect();
+    assert!(texels.len() > 1 && texels.iter().all(|t| *t == texels[0]), "{texels:?}");
+    // All that may be shadowed is in a tile, within its guard band.
+    let axes = [0, 1].map(|i| window(&clips[0], i).0);
+    let along = |p: DVec3| DVec2::new(axes[0].dot(p), axes[1].dot(p));
+    let hull: Vec<DVec2> = technique.map().hull().iter().map(|p| along(*p)).collect();
+    let lo = hull.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let hi = hull.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+    // Less a hundredth of a texel, for rounding.
+    let within = 1.0 - 2.0 * (f64::from(technique.map().guard()) - 0.01) / f64::from(MAP);
+    let mut judged = 0;
+    for sample in stage.view_samples().iter().filter(|s| s.normal != Vec3::ZERO) {
+        let p = sample.position.as_dvec3();
+        let at = along(p);
+        if at.cmpge(lo).all() && at.cmple(hi).all() {
+            judged += 1;
+            let holds = |clip: &&DMat4| {
+                (**clip * p.extend(1.0)).truncate().truncate().abs().max_element() <= within
+            };
+            assert!(clips.iter().any(|clip| holds(&clip)), "{p} is in no tile");
+        }
+    }
+    assert!(judged > 1000, "{judged} samples");
 }
 
 #[test]
@@ -371,13 +413,8 @@ fn casters_beside_a_window_are_not_drawn_and_that_is_not_seen() {
             serde_json::from_str(&format!(r#"{{ "technique": "{id}" }}"#)).expect("known");
         of.set_map_size(256);
         let run = |cull: bool| {
-            let config = Config::Sdsm(Sdsm {
-                of: Box::new(of.clone()),
-                count: 4,
-                clusters: false,
-                blend: 0.1,
-                cull,
-            });
+            let config =
+                Config::Sdsm(Sdsm { of: Box::new(of.clone()), cull, ..Default::default() });
             let mut technique = config.build(&gpu).expect("a valid config");
             let shot = stage.shoot(&gpu, &sun(), technique.as_mut(), 0).expect("a shot");
             (shot.visibility, shot.counters["map_triangles"])

@@ -150,6 +150,7 @@ fn no_receiver_shadows_itself_on_large_maps() {
             "filter/savsm",
             "filter/convolution",
             "filter/multiple-depth",
+            "filter/power-function",
             "filter/blurred-depth",
             "filter/soft-comparison",
             "filter/esm",

@@ -39,11 +39,15 @@ pub struct Sdsm<E = Plain> {
     /// and room for the indices of all triangles; without it every cascade draws all casters that matter for what is seen.
     /// For casters in clusters ([`antumbra_gpu::Casters::clusters`]).
     pub cull: bool,
+    /// Lets the last slices, as many as leave the least error, share their maps out in tiles of what they see together;
+    /// default true. A slice of the depths of a landscape seen from above is as wide as all of it. The error is the mean
+    /// displacement of an edge in pixels: a texel's sides, divided by the depth, over all samples.
+    pub tiles: bool,
 }
 
 impl<E: Default> Default for Sdsm<E> {
     fn default() -> Self {
-        Self { of: E::default(), count: 4, clusters: false, blend: 0.1, cull: true }
+        Self { of: E::default(), count: 4, clusters: false, blend: 0.1, cull: true, tiles: true }
     }
 }
 
@@ -61,8 +65,8 @@ impl<E> Sdsm<E> {
             let fix = "use 0 to 0.5 of a cascade";
             return Err(GpuError::Invalid { what: "blend", value: self.blend.to_string(), fix });
         }
-        let &Self { of: _, count, clusters, blend, cull } = self;
-        let settings = Sdsm { of: (), count, clusters, blend, cull };
+        let &Self { of: _, count, clusters, blend, cull, tiles } = self;
+        let settings = Sdsm { of: (), count, clusters, blend, cull, tiles };
         Ok(Box::new(Measuring { settings, others }))
     }
 }
@@ -155,11 +159,11 @@ struct Fit {
     count: u32,
     clusters: u32,
     stride: u32,
-    unused: u32,
+    tiles: u32,
 }
 
 /// Bytes of `Measured` in `sampling/sdsm.wesl`.
-const MEASURED: u64 = 4 * (2 + 32 + 8 + 1024);
+const MEASURED: u64 = 4 * (2 + 32 + 8 + 8 + 1024);
 
 /// The passes that measure samples and make matrices of them.
 #[derive(Debug)]
@@ -266,7 +270,7 @@ impl Refit for Passes {
             count: self.settings.count,
             clusters: self.settings.clusters.into(),
             stride: map.matrices().1 / 16,
-            unused: 0,
+            tiles: self.settings.tiles.into(),
         };
         let [uploaded, _] = self.buffers.get_or_insert_with(|| buffers(gpu));
         gpu.queue.write_buffer(uploaded, 0, bytemuck::bytes_of(&fit));

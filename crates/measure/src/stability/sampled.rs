@@ -181,7 +181,8 @@ pub(super) fn far_fence(gpu: &Gpu, technique: &mut dyn Technique) -> Result<f64,
     let mut fence = Mesh { name: "fence".to_owned(), ..Mesh::default() };
     for bar in -400..=400 {
         let x = 0.1 * f64::from(bar);
-        let bar = shapes::quad(DVec3::new(x, 1.0, -80.0), 0.01 * DVec3::X, DVec3::Y);
+        // Just above the floor, so that points of it are clearly none of the fence's.
+        let bar = shapes::quad(DVec3::new(x, 1.001, -80.0), 0.01 * DVec3::X, DVec3::Y);
         let first = fence.positions.len() as u32;
         fence.triangles.extend(bar.triangles.iter().map(|t| t.map(|corner| first + corner)));
         fence.positions.extend(bar.positions);
