@@ -20,7 +20,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::over::map_technique;
-pub use pages::MatchedPages;
+pub use pages::{MatchedPages, Request};
 pub use twin::{Page, Virtual};
 pub use window::{Standing, windows};
 
@@ -36,18 +36,18 @@ pub use window::{Standing, windows};
 pub struct ResolutionMatched<E = Plain> {
     /// The technique over the pages, by default the plain test. Its map, whose size is usually 2048 texels a side, is the
     /// atlas that holds them. Where the pages that are asked for do not fit, those of the finest levels become coarser, of
-    /// as few levels as will do.
+    /// as few levels as will do, and there those that the fewest samples look at.
     pub of: E,
     /// Side of a page, texels, borders for the kernel included: a power of two, 1 to 1024, default 64. It is made smaller
     /// where the atlas would be less than 16 pages wide, and larger where it would be more than 64 or a border took more
     /// than an eighth of it. Small pages waste less of the atlas and cost more draws.
     pub page: u32,
     /// Pages a side of the finest level: a power of two, 1 to 1024, default 256. With `page` the resolution at which
-    /// requests end: some 15 000 texels across all casters by default. Memory: 16 bytes times its square, for each face
+    /// requests end: some 15 000 texels across all casters by default. Memory: 27 bytes times its square, for each face
     /// of a cube.
     pub table: u32,
-    /// Pixels by which a shadow's edge may be displaced: above 0, to 64, default 0.25. Of the samples 0.18 times as many are
-    /// wrong, on average, for each pixel of edge a pixel: at 0.25 one in 200 where an edge crosses every ninth pixel. Half of
+    /// Pixels by which a shadow's edge may be displaced: above 0, to 64, default 0.125. Of the samples 0.18 times as many are
+    /// wrong, on average, for each pixel of edge a pixel: at 0.125 one in 200 where an edge crosses every fourth pixel. Half of
     /// it takes up to four times the pages, and leaves half of the error.
     pub displacement: f32,
 }
@@ -57,7 +57,7 @@ const NO_KERNEL: u32 = 2;
 
 impl<E: Default> Default for ResolutionMatched<E> {
     fn default() -> Self {
-        Self { of: E::default(), page: 64, table: 256, displacement: 0.25 }
+        Self { of: E::default(), page: 64, table: 256, displacement: 0.125 }
     }
 }
 
