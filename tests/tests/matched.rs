@@ -13,7 +13,7 @@ use antumbra_measure::stability::CASES;
 use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{SampleClass, TruthOptions};
 use antumbra_sampling::ResolutionMatched;
-use antumbra_sampling::matched::{Page, Request, Standing, Virtual, pages_of, windows};
+use antumbra_sampling::matched::{Limits, Page, Request, Standing, Virtual, pages_of, windows};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
@@ -418,9 +418,9 @@ fn a_wall_along_the_light_asks_for_a_column_of_the_finest_pages_and_no_more() {
     }
 }
 
-/// One map over the window of pages.
+/// One map over the window of pages whose finest level has so many texels a side.
 #[derive(Debug)]
-struct SameWindow;
+struct SameWindow(u32);
 
 impl Arrange for SameWindow {
     fn layout(&self, light: &Light) -> Layout {
@@ -435,7 +435,7 @@ impl Arrange for SameWindow {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError> {
         let (receivers, mut standing) = (fitting.receivers, Standing::default());
-        Ok(windows(frame.light, hull, frame.origin, fitting.size, receivers, &mut standing))
+        Ok(windows(frame.light, hull, frame.origin, self.0, receivers, &mut standing))
     }
 }
 
@@ -456,7 +456,7 @@ fn pages_of_the_finest_level_are_the_plain_map_of_its_size() {
             assert_eq!(layout(&config, 1024).texels(), 448, "of the finest level");
             let map = MapConfig { size: 448, ..MapConfig::default() };
             let mut plain =
-                MapTechnique::arranged(&gpu, &map, Estimator::nearest(), Box::new(SameWindow))
+                MapTechnique::arranged(&gpu, &map, Estimator::nearest(), Box::new(SameWindow(448)))
                     .expect("a valid config");
             let plain = stage.shoot(&gpu, &light, &mut plain, 0).expect("a shot").visibility;
             let differ = shot.visibility.iter().zip(&plain).filter(|(a, b)| a != b).count();
@@ -483,11 +483,21 @@ fn filters(size: u32) -> Vec<(&'static str, Config)> {
     all
 }
 
-/// A config's technique over one map in the window of pages.
-fn in_same_window(gpu: &Gpu, config: &Config) -> MapTechnique {
-    let technique: Box<dyn Any> = config.build(gpu).expect("a valid config");
+/// Visibility of a technique over one map of `size` texels a side in the window of pages of `finest`.
+fn in_one_map(
+    gpu: &Gpu,
+    stage: &Stage,
+    light: &Light,
+    of: &Config,
+    (size, finest): (u32, u32),
+) -> Vec<f32> {
+    let mut of = of.clone();
+    of.set_map_size(size);
+    let technique: Box<dyn Any> = of.build(gpu).expect("a valid config");
     let technique = technique.downcast::<MapTechnique>().expect("a map's technique");
-    technique.rearranged(|_| Ok(Box::new(SameWindow))).expect("a window")
+    let window = Box::new(SameWindow(finest));
+    let mut technique = technique.rearranged(|_| Ok(window)).expect("a window");
+    stage.shoot(gpu, light, &mut technique, 0).expect("a shot").visibility
 }
 
 /// A place in the atlas is rounded to 2^-14 texels, and over a texel visibility changes by no more than 1, or by the few
@@ -515,12 +525,7 @@ fn filters_over_pages_are_filters_over_one_map_of_the_same_texels() {
             assert!(shot.counters["pages_in_use"] > 8, "{name}, {kind:?}: many borders");
             let texels =
                 pages_of(technique.as_ref()).expect("pages").layout().expect("it").texels();
-            let one = |size| {
-                let mut of = of.clone();
-                of.set_map_size(size);
-                let mut technique = in_same_window(&gpu, &of);
-                stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility
-            };
+            let one = |size| in_one_map(&gpu, &stage, &light, &of, (size, size));
             let off = |a: &[f32], b: &[f32]| {
                 a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > SAME_PLACE).count()
             };
@@ -539,6 +544,63 @@ fn filters_over_pages_are_filters_over_one_map_of_the_same_texels() {
             let other = off(&shot.visibility, &one(texels * 8 / 7));
             assert!(other > 100, "{name}, {kind:?}: other texels make {other} differ");
         }
+    }
+}
+
+/// As seen by a camera, with pages of several levels: next to a page's border a sample is what it is in one map of its
+/// level's texels, as it is elsewhere.
+#[test]
+fn kernels_across_borders_of_pages_see_what_they_see_in_one_map() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let stage = stage(&gpu, &scene, 128);
+    let light = scene.light_or_placed(LightKind::Directional);
+    for (name, of) in filters(1024) {
+        let config = ResolutionMatched { of: of.clone(), page: 64, table: 16, displacement: 4.0 };
+        // How far samples are off on average, far from borders and where kernels reach across them.
+        let off = |border| {
+            let limits = Limits { border, ..Limits::default() };
+            let mut technique = config.build_within(&gpu, limits).expect("a valid config");
+            let shot = shoot(&gpu, &stage, &light, &mut technique);
+            let pages = pages_of(technique.as_ref()).expect("pages");
+            let map = *pages.layout().expect("casters");
+            let of_map: &dyn Any = technique.as_ref();
+            let of_map = of_map.downcast_ref::<MapTechnique>().expect("a map's technique");
+            let reach = f64::from(of_map.map().guard());
+            let lookups = pages.read_lookups(&gpu).expect("read back");
+            let levels: BTreeSet<u32> = lookups.iter().flatten().map(|page| page.level).collect();
+            assert!(levels.len() > 1, "{name}: levels {levels:?}");
+            let clip = window(&stage, &light, &map);
+            let mut means = [(0.0, 0); 2];
+            for level in levels {
+                let sizes = (map.texels() >> level, map.texels());
+                let one = in_one_map(&gpu, &stage, &light, &of, sizes);
+                for (i, sample) in stage.view_samples().iter().enumerate() {
+                    let Some(page) = lookups[i].filter(|page| page.level == level) else {
+                        continue;
+                    };
+                    let ndc = clip.project_point3(sample.position.as_dvec3());
+                    let st = DVec2::new(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y);
+                    let tile = DVec2::from(page.tile.map(f64::from));
+                    let inside =
+                        (st * f64::from(map.table >> level) - tile) * f64::from(map.side());
+                    let edge = inside.min(f64::from(map.side()) - inside).min_element();
+                    let (sum, count) = &mut means[usize::from(edge < reach)];
+                    *sum += f64::from((shot.visibility[i] - one[i]).abs());
+                    *count += 1;
+                }
+            }
+            means.map(|(sum, count)| {
+                assert!(count > 500, "{name}: {count} samples");
+                sum / f64::from(count)
+            })
+        };
+        let same = f64::from(SAME_PLACE);
+        let [elsewhere, across] = off(u32::MAX);
+        assert!(elsewhere.max(across) <= same, "{name}: off by {elsewhere}, {across} at borders");
+        // The control: pages without borders.
+        let [elsewhere, across] = off(0);
+        assert!(elsewhere <= same && across > 5.0 * same, "{name}: {elsewhere}, {across}");
     }
 }
 
@@ -638,7 +700,8 @@ fn pages_whose_lists_have_no_room_are_drawn_all_the_same() {
     let usual = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
     assert_eq!(usual.counters["pages_without_list"], 0, "room for all");
     for room in [1, 300] {
-        let mut technique = config.build_with_room(&gpu, room).expect("a valid config");
+        let limits = Limits { pairs: room, ..Limits::default() };
+        let mut technique = config.build_within(&gpu, limits).expect("a valid config");
         let shot = shoot(&gpu, &stage, &light, &mut technique);
         assert!(shot.counters["pages_without_list"] > 0, "room for {room} pairs");
         assert_eq!(shot.visibility, usual.visibility, "room for {room} pairs");

@@ -52,6 +52,22 @@ pub struct ResolutionMatched<E = Plain> {
     pub displacement: f32,
 }
 
+/// What tests withhold from a technique.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Pairs of page and triangle that there is room for at most, 1 or more, as on a device with small buffers. Pages whose
+    /// lists have no room are drawn from all casters.
+    pub pairs: u32,
+    /// Widest border of a page, texels. Kernels that reach beyond it read what lies beside the page in the atlas.
+    pub border: u32,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { pairs: u32::MAX, border: u32::MAX }
+    }
+}
+
 /// The guard band of a test of one texel, which needs no border.
 const NO_KERNEL: u32 = 2;
 
@@ -104,12 +120,11 @@ impl<E> ResolutionMatched<E> {
 }
 
 impl<E: TechniqueConfig> ResolutionMatched<E> {
-    /// As [`TechniqueConfig::build`], with room for at most so many pairs of page and triangle, 1 or more, as on a device
-    /// with small buffers: for tests. Pages whose lists have no room are drawn from all casters.
+    /// As [`TechniqueConfig::build`], within limits: for tests.
     ///
     /// # Errors
     /// As [`TechniqueConfig::build`].
-    pub fn build_with_room(&self, gpu: &Gpu, pairs: u32) -> Result<Box<dyn Technique>, GpuError> {
+    pub fn build_within(&self, gpu: &Gpu, limits: Limits) -> Result<Box<dyn Technique>, GpuError> {
         let settings = self.settings();
         // Any atlas and kernel: the settings' own ranges.
         settings.layout(1 << 12, 1)?;
@@ -121,14 +136,14 @@ impl<E: TechniqueConfig> ResolutionMatched<E> {
                 fix: "choose map/plain or one of filter/ over pages; for soft shadows use sampling/cascades",
             });
         }
-        let arrange = Box::new(Paging { settings, room: pairs.max(1), standing: Cell::default() });
+        let arrange = Box::new(Paging { settings, limits, standing: Cell::default() });
         Ok(Box::new(technique.rearranged(|_| Ok(arrange))?))
     }
 }
 
 impl<E: TechniqueConfig> TechniqueConfig for ResolutionMatched<E> {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        self.build_with_room(gpu, u32::MAX)
+        self.build_within(gpu, Limits::default())
     }
 
     fn set_map_size(&mut self, size: u32) {
@@ -157,7 +172,7 @@ pub fn pages_of(technique: &dyn Technique) -> Option<&MatchedPages> {
 #[derive(Debug)]
 struct Paging {
     settings: ResolutionMatched<()>,
-    room: u32,
+    limits: Limits,
     standing: Cell<Standing>,
 }
 
@@ -192,7 +207,7 @@ impl Arrange for Paging {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError> {
         check_light(frame.light)?;
-        let map = self.settings.layout(fitting.size, fitting.guard)?;
+        let map = self.settings.layout(fitting.size, fitting.guard.min(self.limits.border))?;
         let (texels, mut standing) = (map.texels(), self.standing.get());
         let receivers = fitting.receivers;
         let views = windows(frame.light, hull, frame.origin, texels, receivers, &mut standing);
@@ -202,7 +217,7 @@ impl Arrange for Paging {
 
     fn refit(&self, gpu: &Gpu, light: &Light) -> Result<Option<Box<dyn Refit>>, GpuError> {
         let (select, faces) = Self::select(light);
-        let pages = MatchedPages::new(gpu, self.settings, self.room, (select, faces as u32))?;
+        let pages = MatchedPages::new(gpu, self.settings, self.limits, (select, faces as u32))?;
         Ok(Some(Box::new(pages)))
     }
 }

@@ -4,15 +4,14 @@ use antumbra_gpu::{CasterTriangles, Counters, Frame, Gpu, GpuError, Recorder, re
 use antumbra_map::{Refit, Resolve, ShadowMap};
 
 use super::passes::Passes;
-use super::room::{Atlas, STATE_WORDS, Work};
-use super::{Page, ResolutionMatched, Virtual};
+use super::room::{Atlas, Work};
+use super::{Limits, Page, ResolutionMatched, Virtual};
 
 /// The pages of a virtual shadow map: which are asked for, where they lie in the atlas, and what is drawn of them.
 #[derive(Debug)]
 pub struct MatchedPages {
     settings: ResolutionMatched<()>,
-    /// Pairs of page and triangle at most.
-    room: u32,
+    limits: Limits,
     faces: u32,
     passes: Passes,
     setup: wgpu::Buffer,
@@ -55,8 +54,9 @@ const BLOCK: u32 = 32;
 /// Invocations of a workgroup over casters, and over pages.
 const GROUP: u32 = 64;
 const PAGES_GROUP: u32 = 256;
-/// The mark of that name in `sampling/matched.wesl`.
+/// The marks of these names in `sampling/matched.wesl`.
 const OCCUPIED: u32 = 4;
+const IN_USE: u32 = 8;
 
 /// The twin of `Setup` in `sampling/matched.wesl`.
 #[repr(C)]
@@ -76,7 +76,7 @@ impl MatchedPages {
     pub(super) fn new(
         gpu: &Gpu,
         settings: ResolutionMatched<()>,
-        room: u32,
+        limits: Limits,
         (select, faces): (&'static str, u32),
     ) -> Result<Self, GpuError> {
         let buffer = |label, size, usage| {
@@ -90,7 +90,7 @@ impl MatchedPages {
         let size = size_of::<SetupUniform>() as u64;
         Ok(Self {
             settings,
-            room,
+            limits,
             faces,
             passes: Passes::new(gpu, select)?,
             setup: buffer("setup of pages", size, wgpu::BufferUsages::UNIFORM),
@@ -119,16 +119,32 @@ impl MatchedPages {
         let Some((map, atlas)) = self.kept.as_ref().filter(|_| self.prepared.is_some()) else {
             return Ok(Vec::new());
         };
-        let [marks, asked] = [&atlas.marks, &atlas.asked].map(|buffer| {
-            let bytes = read_buffer(gpu, buffer, buffer.size())?;
-            Ok::<Vec<u32>, GpuError>(bytemuck::pod_collect_to_vec(&bytes))
-        });
-        let asked = (0..).zip(marks?.into_iter().zip(asked?)).filter(|(_, (_, n))| *n > 0);
+        let (marks, asked) = (read(gpu, &atlas.marks)?, read(gpu, &atlas.asked)?);
+        let asked = (0..).zip(marks.into_iter().zip(asked)).filter(|(_, (_, n))| *n > 0);
         let request = |(index, (mark, samples))| {
             let page = map.page_at(index);
             Request { page, samples, occupied: mark & OCCUPIED != 0 }
         };
         Ok(asked.map(request).collect())
+    }
+
+    /// Of each pixel of the last encoded frame the page that is looked up, where it takes one. Waits: for tests.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn read_lookups(&self, gpu: &Gpu) -> Result<Vec<Option<Page>>, GpuError> {
+        let (Some((map, atlas)), Some(work), Some(_)) = (&self.kept, &self.work, self.prepared)
+        else {
+            return Ok(Vec::new());
+        };
+        let (marks, requests) = (read(gpu, &atlas.marks)?, read(gpu, &work.requests)?);
+        let mark = |page| marks[map.index_of(page) as usize];
+        let lookup = |request| {
+            let page = Page::from_id(request).filter(|page| mark(*page) & OCCUPIED != 0)?;
+            let mut holders = (page.level..map.levels()).map(|level| map.holder(page, level));
+            holders.find(|holder| mark(*holder) & IN_USE != 0)
+        };
+        Ok(requests.into_iter().map(lookup).collect())
     }
 
     /// Takes note of the casters that lie in a face's window, wherever the camera is.
@@ -146,6 +162,11 @@ impl MatchedPages {
             });
         }
     }
+}
+
+/// The words of a buffer.
+fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
+    Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, buffer, buffer.size())?))
 }
 
 /// The casters' triangles.
@@ -169,7 +190,7 @@ impl Refit for MatchedPages {
             return Ok(());
         }
         triangles(frame)?;
-        let pages = self.settings.layout(map.size(), map.guard())?;
+        let pages = self.settings.layout(map.size(), map.guard().min(self.limits.border))?;
         if self.kept.as_ref().is_none_or(|(kept, _)| *kept != pages) {
             let atlas = Atlas::new(gpu, &pages, self.faces, &self.passes.slot_layout)?;
             self.kept = Some((pages, atlas));
@@ -200,7 +221,7 @@ impl Refit for MatchedPages {
             pixels: [width, height, camera.is_some().into(), across * GROUP],
             shape: [pages.table, pages.page_count(), pages.levels(), self.faces],
             page: [pages.page, pages.border, pages.side(), pages.slots()],
-            atlas: [pages.row, work.pairs_room.min(self.room), self.fit, entries],
+            atlas: [pages.row, work.pairs_room.min(self.limits.pairs), self.fit, entries],
             rule: [pages.rule, 0.0, 0.0, 0.0],
         };
         gpu.queue.write_buffer(&self.setup, 0, bytemuck::bytes_of(&setup));
@@ -367,8 +388,7 @@ impl Refit for MatchedPages {
         let Some((_, atlas)) = self.kept.as_ref().filter(|_| self.prepared.is_some()) else {
             return Ok(counters);
         };
-        let state: Vec<u32> =
-            bytemuck::pod_collect_to_vec(&read_buffer(gpu, &atlas.state, 4 * STATE_WORDS)?);
+        let state = read(gpu, &atlas.state)?;
         let names = [
             // As many as view samples ask for, before any became coarser.
             "pages_requested",

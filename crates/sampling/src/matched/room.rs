@@ -7,7 +7,7 @@ use super::Virtual;
 /// The twin of `Slot` in `sampling/matched.wesl`, bytes.
 const SLOT: u64 = 64;
 /// Words of the state: counters, one of each level, of each rank, and of what is beyond.
-pub(super) const STATE_WORDS: u64 = 16 + 16 + 256 + 1;
+const STATE_WORDS: u64 = 16 + 16 + 256 + 1;
 /// Pairs of page and triangle that there is room for, whatever the casters: 4 MiB.
 const LEAST_PAIRS: u32 = 1 << 20;
 

@@ -18,6 +18,16 @@ pub struct Page {
     pub tile: [u32; 2],
 }
 
+impl Page {
+    /// The page that `sampling/matched.wesl` packs into a number, or none of a pixel that needs no page.
+    #[must_use]
+    pub fn from_id(id: u32) -> Option<Self> {
+        let face = id >> 28;
+        let tile = [id & 0xfff, (id >> 12) & 0xfff];
+        (face < 6).then_some(Self { face, level: (id >> 24) & 15, tile })
+    }
+}
+
 /// Ranks that there are.
 const RANKS: u32 = 256;
 
