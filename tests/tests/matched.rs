@@ -183,6 +183,39 @@ fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
 }
 
 #[test]
+fn what_is_made_of_kept_pages_is_kept() {
+    let gpu = gpu();
+    let mut of = Config::Evsm(Default::default());
+    of.set_map_size(1024);
+    let config = ResolutionMatched { of, page: 64, table: 16, displacement: 0.5 };
+    let light = Light::sun(1.0, 0.4, 0.0);
+    let mut technique = built(&gpu, &config);
+    let (first, second) = (stage(&gpu, &yard(0.0), 64), stage(&gpu, &yard(0.3), 64));
+    let fresh = shoot(&gpu, &first, &light, &mut technique);
+    let texels = fresh.counters["store_texels"];
+    assert!(texels >= 2 * 1024 * 1024, "{texels} texels of two passes over the atlas");
+    let still = shoot(&gpu, &first, &light, &mut technique);
+    let counts = (still.counters["pages_rendered"], still.counters["store_texels"]);
+    assert_eq!(counts, (0, 0), "a still frame");
+    assert_eq!(still.counters["store_taps"], 0, "a still frame");
+    assert_eq!(still.visibility, fresh.visibility, "the same picture");
+    // What changes is made, then as when nothing had been kept.
+    let turned = Light::sun(1.0, 0.5, 0.0);
+    for (what, stage, light) in
+        [("a caster", &second, &light), ("the light", &second, &turned), ("back", &first, &turned)]
+    {
+        let moved = shoot(&gpu, stage, light, &mut technique);
+        assert_eq!(moved.counters["store_texels"], texels, "{what} moves");
+        let alone = shoot(&gpu, stage, light, &mut built(&gpu, &config));
+        assert_eq!(moved.visibility, alone.visibility, "{what} moves: the picture");
+        assert_ne!(moved.visibility, fresh.visibility, "{what} moves: another picture");
+        let still = shoot(&gpu, stage, light, &mut technique);
+        assert_eq!(still.counters["store_texels"], 0, "{what} stands still");
+        assert_eq!(still.visibility, alone.visibility, "{what} stands still: the picture");
+    }
+}
+
+#[test]
 fn a_camera_that_moves_has_only_those_pages_drawn_that_nobody_asked_for_before() {
     let gpu = gpu();
     let scene = generate::by_name("street").expect("a scene");

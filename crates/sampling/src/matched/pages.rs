@@ -1,6 +1,6 @@
 //! The passes of a frame: from requests to pages drawn.
 
-use antumbra_gpu::{CasterTriangles, Counters, Frame, Gpu, GpuError, Recorder, read_buffer};
+use antumbra_gpu::{CasterTriangles, Counters, Frame, Gate, Gpu, GpuError, Recorder, read_buffer};
 use antumbra_map::{Refit, Resolve, ShadowMap};
 
 use super::passes::Passes;
@@ -57,6 +57,9 @@ const PAGES_GROUP: u32 = 256;
 /// The marks of these names in `sampling/matched.wesl`.
 const OCCUPIED: u32 = 4;
 const IN_USE: u32 = 8;
+
+/// The word of the state of that name there.
+const ANY_DRAWN: u64 = 10;
 
 /// The twin of `Setup` in `sampling/matched.wesl`.
 #[repr(C)]
@@ -377,6 +380,11 @@ impl Refit for MatchedPages {
             ("map_draws", 1 + u64::from(pages.slots())),
             ("map_triangles", casters),
         ]);
+    }
+
+    fn drawn(&self) -> Option<Gate> {
+        let (_, atlas) = self.kept.as_ref().filter(|_| self.prepared.is_some())?;
+        Some(Gate { buffer: atlas.state.clone(), offset: 4 * ANY_DRAWN })
     }
 
     fn counters(&self) -> Counters {
