@@ -309,7 +309,7 @@ fn seams_of_the_cube_are_no_worse_than_the_middle_of_its_faces() {
     };
     // What `map/triangle-depth` misses, slivers at the poles' limbs, depends on how they are seen.
     // The pages that fit have texels of 10 m / 960, of which the shadows of poles on the axes are 24 wide to within 1/100,
-    // so that there is no error to compare with; `matched.rs` compares pages on a cube's faces with maps of these.
+    // so that there is no error to compare with; `matched.rs` compares pages on a cube's faces, and their borders, with maps.
     let of_texels = |config: &Config| {
         !matches!(config, Config::TriangleDepth(_) | Config::ResolutionMatched(_))
     };

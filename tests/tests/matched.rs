@@ -1,7 +1,7 @@
 //! Resolution-matched pages: which are asked for, drawn and kept, and how right the picture is that comes of them.
 
 use std::any::Any;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use antumbra::Config;
 use antumbra_filter::PcfBilinearGrid;
@@ -13,7 +13,7 @@ use antumbra_measure::stability::CASES;
 use antumbra_measure::{Shot, Stage};
 use antumbra_reference::{SampleClass, TruthOptions};
 use antumbra_sampling::ResolutionMatched;
-use antumbra_sampling::matched::{Page, Standing, Virtual, pages_of, windows};
+use antumbra_sampling::matched::{Limits, Page, Request, Standing, Virtual, pages_of, windows};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
@@ -49,10 +49,14 @@ fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut Box<dyn Techni
     stage.shoot(gpu, light, technique.as_mut(), 0).expect("a shot")
 }
 
-/// The pages that were asked for last.
-fn requests(gpu: &Gpu, technique: &dyn Technique) -> BTreeSet<Page> {
-    let pages = pages_of(technique).expect("pages");
-    pages.read_requests(gpu).expect("read back").into_iter().collect()
+/// What was asked for last.
+fn requests(gpu: &Gpu, technique: &dyn Technique) -> Vec<Request> {
+    pages_of(technique).expect("pages").read_requests(gpu).expect("read back")
+}
+
+/// The pages on which something lies, and the samples that ask for them.
+fn occupied(requests: &[Request]) -> BTreeMap<Page, u32> {
+    requests.iter().filter(|r| r.occupied).map(|r| (r.page, r.samples)).collect()
 }
 
 /// Share of the counted samples that are wrong.
@@ -86,7 +90,8 @@ fn few_samples_of_a_street_are_wrong() {
         let [(little, few), (share, counters)] = [2048, 4096].map(matched);
         assert!(share <= 5e-3, "{kind:?}: {share} of the samples are wrong");
         assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
-        assert_eq!(counters["pages_in_use"], counters["pages_requested"], "{kind:?}: no others");
+        let occupied = counters["pages_requested"] - counters["pages_empty"];
+        assert_eq!(counters["pages_in_use"], occupied, "{kind:?}: no others");
         assert_eq!(few["pages_requested"], counters["pages_requested"], "{kind:?}: as many");
         // As much memory without pages does worse; and what does badly is found out.
         let [as_little, as_large, small] = [2048, 4096, 64].map(plain);
@@ -149,7 +154,8 @@ fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
     let used = counters["pages_in_use"];
     assert!(used > 20, "{used} pages");
     assert_eq!((counters["pages_rendered"], counters["pages_reused"]), (used, 0), "at first");
-    assert_eq!(counters["pages_requested"], used, "no page that no sample asks for");
+    let occupied = counters["pages_requested"] - counters["pages_empty"];
+    assert_eq!(occupied, used, "no page that no sample asks for or nothing lies on");
 
     let still = shoot(&gpu, &first, &light, &mut technique);
     assert_eq!(still.counters["pages_rendered"], 0, "a still frame");
@@ -177,6 +183,39 @@ fn a_still_frame_draws_nothing_and_a_moving_caster_only_what_it_touches() {
 }
 
 #[test]
+fn what_is_made_of_kept_pages_is_kept() {
+    let gpu = gpu();
+    let mut of = Config::Evsm(Default::default());
+    of.set_map_size(1024);
+    let config = ResolutionMatched { of, page: 64, table: 16, displacement: 0.5 };
+    let light = Light::sun(1.0, 0.4, 0.0);
+    let mut technique = built(&gpu, &config);
+    let (first, second) = (stage(&gpu, &yard(0.0), 64), stage(&gpu, &yard(0.3), 64));
+    let fresh = shoot(&gpu, &first, &light, &mut technique);
+    let texels = fresh.counters["store_texels"];
+    assert!(texels >= 2 * 1024 * 1024, "{texels} texels of two passes over the atlas");
+    let still = shoot(&gpu, &first, &light, &mut technique);
+    let counts = (still.counters["pages_rendered"], still.counters["store_texels"]);
+    assert_eq!(counts, (0, 0), "a still frame");
+    assert_eq!(still.counters["store_taps"], 0, "a still frame");
+    assert_eq!(still.visibility, fresh.visibility, "the same picture");
+    // What changes is made, then as when nothing had been kept.
+    let turned = Light::sun(1.0, 0.5, 0.0);
+    for (what, stage, light) in
+        [("a caster", &second, &light), ("the light", &second, &turned), ("back", &first, &turned)]
+    {
+        let moved = shoot(&gpu, stage, light, &mut technique);
+        assert_eq!(moved.counters["store_texels"], texels, "{what} moves");
+        let alone = shoot(&gpu, stage, light, &mut built(&gpu, &config));
+        assert_eq!(moved.visibility, alone.visibility, "{what} moves: the picture");
+        assert_ne!(moved.visibility, fresh.visibility, "{what} moves: another picture");
+        let still = shoot(&gpu, stage, light, &mut technique);
+        assert_eq!(still.counters["store_texels"], 0, "{what} stands still");
+        assert_eq!(still.visibility, alone.visibility, "{what} stands still: the picture");
+    }
+}
+
+#[test]
 fn a_camera_that_moves_has_only_those_pages_drawn_that_nobody_asked_for_before() {
     let gpu = gpu();
     let scene = generate::by_name("street").expect("a scene");
@@ -195,8 +234,9 @@ fn a_camera_that_moves_has_only_those_pages_drawn_that_nobody_asked_for_before()
             let stage = Stage::new(&gpu, &scene, moved, 96, 96).expect("a stage");
             let shot = shoot(&gpu, &stage, &light, &mut technique);
             let counters = &shot.counters;
-            assert_eq!(counters["levels_clamped"], 0, "{kind:?}: an atlas that suffices");
-            let pages = requests(&gpu, technique.as_ref());
+            assert_eq!(counters["pages_clamped"], 0, "{kind:?}: an atlas that suffices");
+            let requests = requests(&gpu, technique.as_ref());
+            let pages: BTreeSet<Page> = occupied(&requests).into_keys().collect();
             // No more than the atlas holds are seen in all, so that none has left it.
             let new = pages.difference(&before).count() as u64;
             assert_eq!(counters["pages_rendered"], new, "{kind:?}, step {step}: new pages");
@@ -229,12 +269,12 @@ fn window(stage: &Stage, light: &Light, map: &Virtual) -> DMat4 {
     views[0].view.clip.expect("casters")
 }
 
-/// What the samples of a stage ask for: surely, and perhaps.
-fn asked(stage: &Stage, light: &Light, map: &Virtual) -> [BTreeSet<Page>; 2] {
+/// What the samples of a stage ask for, and how many: surely, and perhaps.
+fn asked(stage: &Stage, light: &Light, map: &Virtual) -> [BTreeMap<Page, u32>; 2] {
     let clip = window(stage, light, map);
     let camera = stage.frame(light).camera.expect("a camera");
     let pixels = [stage.image.width, stage.image.height];
-    let [mut surely, mut perhaps] = [BTreeSet::new(), BTreeSet::new()];
+    let [mut surely, mut perhaps] = [BTreeMap::new(), BTreeMap::new()];
     for sample in stage.view_samples() {
         if sample.normal == Vec3::ZERO {
             continue;
@@ -263,11 +303,13 @@ fn asked(stage: &Stage, light: &Light, map: &Virtual) -> [BTreeSet<Page>; 2] {
                 ));
             }
         }
-        if all.len() == 1 && facing > 1e-6 && !outside(-1e-6) {
-            surely.extend(&all);
+        let is_sure = all.len() == 1 && facing > 1e-6 && !outside(-1e-6);
+        for page in all {
+            *perhaps.entry(page).or_default() += 1;
+            *surely.entry(page).or_default() += u32::from(is_sure);
         }
-        perhaps.extend(all);
     }
+    surely.retain(|_, n| *n > 0);
     [surely, perhaps]
 }
 
@@ -284,21 +326,88 @@ fn pages_are_those_that_the_twin_asks_for() {
                 let map = layout(&config, 1024);
                 let mut technique = built(&gpu, &config);
                 let shot = shoot(&gpu, &stage, &light, &mut technique);
-                let found = requests(&gpu, technique.as_ref());
+                let requests = requests(&gpu, technique.as_ref());
+                let found: BTreeMap<Page, u32> =
+                    requests.iter().map(|r| (r.page, r.samples)).collect();
                 let [surely, perhaps] = asked(&stage, &light, &map);
-                let missing = surely.difference(&found).count();
-                let more = found.difference(&perhaps).count();
-                assert_eq!((missing, more), (0, 0), "{name}, {kind:?}: of {} pages", found.len());
+                let of = |counts: &BTreeMap<Page, u32>, page| counts.get(page).copied();
+                let short = surely.iter().filter(|(page, n)| of(&found, page) < Some(**n)).count();
+                let over = found.iter().filter(|(page, n)| of(&perhaps, page) < Some(**n)).count();
+                assert_eq!((short, over), (0, 0), "{name}, {kind:?}: of {} pages", found.len());
                 assert!(surely.len() > 3, "{name}, {kind:?}: {} say little", surely.len());
                 assert_eq!(shot.counters["pages_requested"], found.len() as u64, "the count");
-                let (finest, used) = map.fitting(&found);
-                assert_eq!(shot.counters["levels_clamped"], u64::from(finest), "levels");
+                let (least, used) = map.fitting(&occupied(&requests));
+                assert_eq!(shot.counters["page_rank"], u64::from(least), "{name}: the rank");
                 assert_eq!(shot.counters["pages_in_use"], used.len() as u64, "pages in use");
                 // The control: what another rule asks for is something else.
                 let other = Virtual { rule: 0.5 * rule, ..map };
                 assert!(asked(&stage, &light, &other)[0] != surely, "{name}: another rule");
             }
         }
+    }
+}
+
+/// The casters of a stage in the window of its light, whose points go from (0, 0) to (1, 1).
+fn casters_in_window(stage: &Stage, light: &Light, map: &Virtual) -> Vec<[DVec2; 3]> {
+    let clip = window(stage, light, map);
+    let corner = |i: &u32| {
+        let c = clip * stage.triangles.positions[*i as usize].as_dvec3().extend(1.0);
+        assert!(c.w > 0.0, "no corner lies behind the light");
+        DVec2::new(0.5 + 0.5 * c.x / c.w, 0.5 - 0.5 * c.y / c.w)
+    };
+    stage.triangles.triangles.iter().map(|t| [0, 1, 2].map(|k| corner(&t[k]))).collect()
+}
+
+/// Whether a triangle meets the square of a page that is wider by `by` of its sides all around: no line along a side of
+/// either keeps them apart.
+fn meets(triangle: &[DVec2; 3], map: &Virtual, page: &Page, by: f64) -> bool {
+    let side = 1.0 / f64::from(map.table >> page.level);
+    let middle = (DVec2::from(page.tile.map(f64::from)) + 0.5) * side;
+    let reach = side * (0.5 + by);
+    let sides = [0, 1, 2].map(|i| (triangle[(i + 1) % 3] - triangle[i]).perp());
+    [DVec2::X, DVec2::Y].iter().chain(&sides).all(|axis| {
+        let along = triangle.map(|corner| axis.dot(corner - middle));
+        let (lo, hi) = along
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
+        let square = axis.abs().element_sum() * reach;
+        lo <= square && hi >= -square
+    })
+}
+
+#[test]
+fn pages_without_casters_need_no_memory() {
+    let gpu = gpu();
+    let scene = yard(0.0);
+    for light in [Light::sun(1.0, 0.4, 0.0), scene.place_light(LightKind::Spot)] {
+        let stage = stage(&gpu, &scene, 128);
+        let config = ResolutionMatched { page: 16, ..of_size(1024) };
+        let map = layout(&config, 1024);
+        let mut technique = built(&gpu, &config);
+        let shot = shoot(&gpu, &stage, &light, &mut technique);
+        let requests = requests(&gpu, technique.as_ref());
+        let mut casters = casters_in_window(&stage, &light, &map);
+        // The floor, 2 triangles, lies below all that casts and is none.
+        casters.drain(..2);
+        let surprises = |casters: &[[DVec2; 3]]| {
+            // A border and a texel beyond a page casters are noticed; f32 knows places to 1e-6 of the window.
+            let around = f64::from(map.border + 1) / f64::from(map.side());
+            let off = |page: &Page| 2e-6 * f64::from(map.table >> page.level);
+            let lies = |page: &Page, by| casters.iter().any(|t| meets(t, &map, page, by));
+            let missed = requests.iter().filter(|r| !r.occupied && lies(&r.page, -off(&r.page)));
+            let invented =
+                requests.iter().filter(|r| r.occupied && !lies(&r.page, around + off(&r.page)));
+            (missed.count(), invented.count())
+        };
+        assert_eq!(surprises(&casters), (0, 0), "{light:?}: of {} pages", requests.len());
+        let empty = requests.iter().filter(|r| !r.occupied).count();
+        assert_eq!(shot.counters["pages_empty"], empty as u64, "{light:?}");
+        assert!(10 * empty > requests.len(), "{light:?}: {empty} of {}", requests.len());
+        assert!(empty + 10 < requests.len(), "{light:?}: {empty} of {}", requests.len());
+        // The control: casters that lie elsewhere, by a tenth of the window.
+        let moved: Vec<[DVec2; 3]> = casters.iter().map(|t| t.map(|p| p + 0.1)).collect();
+        let (missed, invented) = surprises(&moved);
+        assert!(missed > 10 && invented > 10, "{light:?}: {missed}, {invented}");
     }
 }
 
@@ -328,7 +437,8 @@ fn a_wall_along_the_light_asks_for_a_column_of_the_finest_pages_and_no_more() {
         let config = ResolutionMatched { page: 16, ..of_size(1024) };
         let mut technique = built(&gpu, &config);
         let shot = shoot(&gpu, &stage, &light, &mut technique);
-        let pages = requests(&gpu, technique.as_ref());
+        let pages: Vec<Page> =
+            requests(&gpu, technique.as_ref()).iter().map(|request| request.page).collect();
         // One way or the other the wall shows the sun its back.
         let columns: BTreeSet<u32> =
             pages.iter().filter(|page| page.level == 0).map(|page| page.tile[0]).collect();
@@ -336,14 +446,14 @@ fn a_wall_along_the_light_asks_for_a_column_of_the_finest_pages_and_no_more() {
             pages.iter().filter(|page| page.level == 0).map(|page| page.tile[1]).collect();
         assert!(columns.len().min(rows.len()) <= 2, "{off}: {} x {}", columns.len(), rows.len());
         assert!(pages.len() <= 3 * 256, "{off}: {} pages", pages.len());
-        assert_eq!(shot.counters["levels_clamped"], 0, "{off}: they fit");
+        assert_eq!(shot.counters["pages_clamped"], 0, "{off}: they fit");
         assert!(shot.visibility.iter().all(|v| *v == 0.0 || *v == 1.0), "{off}: no number");
     }
 }
 
-/// One map over the window of pages.
+/// One map over the window of pages whose finest level has so many texels a side.
 #[derive(Debug)]
-struct SameWindow;
+struct SameWindow(u32);
 
 impl Arrange for SameWindow {
     fn layout(&self, light: &Light) -> Layout {
@@ -358,7 +468,7 @@ impl Arrange for SameWindow {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError> {
         let (receivers, mut standing) = (fitting.receivers, Standing::default());
-        Ok(windows(frame.light, hull, frame.origin, fitting.size, receivers, &mut standing))
+        Ok(windows(frame.light, hull, frame.origin, self.0, receivers, &mut standing))
     }
 }
 
@@ -379,7 +489,7 @@ fn pages_of_the_finest_level_are_the_plain_map_of_its_size() {
             assert_eq!(layout(&config, 1024).texels(), 448, "of the finest level");
             let map = MapConfig { size: 448, ..MapConfig::default() };
             let mut plain =
-                MapTechnique::arranged(&gpu, &map, Estimator::nearest(), Box::new(SameWindow))
+                MapTechnique::arranged(&gpu, &map, Estimator::nearest(), Box::new(SameWindow(448)))
                     .expect("a valid config");
             let plain = stage.shoot(&gpu, &light, &mut plain, 0).expect("a shot").visibility;
             let differ = shot.visibility.iter().zip(&plain).filter(|(a, b)| a != b).count();
@@ -406,11 +516,21 @@ fn filters(size: u32) -> Vec<(&'static str, Config)> {
     all
 }
 
-/// A config's technique over one map in the window of pages.
-fn in_same_window(gpu: &Gpu, config: &Config) -> MapTechnique {
-    let technique: Box<dyn Any> = config.build(gpu).expect("a valid config");
+/// Visibility of a technique over one map of `size` texels a side in the window of pages of `finest`.
+fn in_one_map(
+    gpu: &Gpu,
+    stage: &Stage,
+    light: &Light,
+    of: &Config,
+    (size, finest): (u32, u32),
+) -> Vec<f32> {
+    let mut of = of.clone();
+    of.set_map_size(size);
+    let technique: Box<dyn Any> = of.build(gpu).expect("a valid config");
     let technique = technique.downcast::<MapTechnique>().expect("a map's technique");
-    technique.rearranged(|_| Ok(Box::new(SameWindow))).expect("a window")
+    let window = Box::new(SameWindow(finest));
+    let mut technique = technique.rearranged(|_| Ok(window)).expect("a window");
+    stage.shoot(gpu, light, &mut technique, 0).expect("a shot").visibility
 }
 
 /// A place in the atlas is rounded to 2^-14 texels, and over a texel visibility changes by no more than 1, or by the few
@@ -438,12 +558,7 @@ fn filters_over_pages_are_filters_over_one_map_of_the_same_texels() {
             assert!(shot.counters["pages_in_use"] > 8, "{name}, {kind:?}: many borders");
             let texels =
                 pages_of(technique.as_ref()).expect("pages").layout().expect("it").texels();
-            let one = |size| {
-                let mut of = of.clone();
-                of.set_map_size(size);
-                let mut technique = in_same_window(&gpu, &of);
-                stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility
-            };
+            let one = |size| in_one_map(&gpu, &stage, &light, &of, (size, size));
             let off = |a: &[f32], b: &[f32]| {
                 a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > SAME_PLACE).count()
             };
@@ -462,6 +577,63 @@ fn filters_over_pages_are_filters_over_one_map_of_the_same_texels() {
             let other = off(&shot.visibility, &one(texels * 8 / 7));
             assert!(other > 100, "{name}, {kind:?}: other texels make {other} differ");
         }
+    }
+}
+
+/// As seen by a camera, with pages of several levels: next to a page's border a sample is what it is in one map of its
+/// level's texels, as it is elsewhere.
+#[test]
+fn kernels_across_borders_of_pages_see_what_they_see_in_one_map() {
+    let gpu = gpu();
+    let scene = generate::by_name("street").expect("a scene");
+    let stage = stage(&gpu, &scene, 128);
+    let light = scene.light_or_placed(LightKind::Directional);
+    for (name, of) in filters(1024) {
+        let config = ResolutionMatched { of: of.clone(), page: 64, table: 16, displacement: 4.0 };
+        // How far samples are off on average, far from borders and where kernels reach across them.
+        let off = |border| {
+            let limits = Limits { border, ..Limits::default() };
+            let mut technique = config.build_within(&gpu, limits).expect("a valid config");
+            let shot = shoot(&gpu, &stage, &light, &mut technique);
+            let pages = pages_of(technique.as_ref()).expect("pages");
+            let map = *pages.layout().expect("casters");
+            let of_map: &dyn Any = technique.as_ref();
+            let of_map = of_map.downcast_ref::<MapTechnique>().expect("a map's technique");
+            let reach = f64::from(of_map.map().guard());
+            let lookups = pages.read_lookups(&gpu).expect("read back");
+            let levels: BTreeSet<u32> = lookups.iter().flatten().map(|page| page.level).collect();
+            assert!(levels.len() > 1, "{name}: levels {levels:?}");
+            let clip = window(&stage, &light, &map);
+            let mut means = [(0.0, 0); 2];
+            for level in levels {
+                let sizes = (map.texels() >> level, map.texels());
+                let one = in_one_map(&gpu, &stage, &light, &of, sizes);
+                for (i, sample) in stage.view_samples().iter().enumerate() {
+                    let Some(page) = lookups[i].filter(|page| page.level == level) else {
+                        continue;
+                    };
+                    let ndc = clip.project_point3(sample.position.as_dvec3());
+                    let st = DVec2::new(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y);
+                    let tile = DVec2::from(page.tile.map(f64::from));
+                    let inside =
+                        (st * f64::from(map.table >> level) - tile) * f64::from(map.side());
+                    let edge = inside.min(f64::from(map.side()) - inside).min_element();
+                    let (sum, count) = &mut means[usize::from(edge < reach)];
+                    *sum += f64::from((shot.visibility[i] - one[i]).abs());
+                    *count += 1;
+                }
+            }
+            means.map(|(sum, count)| {
+                assert!(count > 500, "{name}: {count} samples");
+                sum / f64::from(count)
+            })
+        };
+        let same = f64::from(SAME_PLACE);
+        let [elsewhere, across] = off(u32::MAX);
+        assert!(elsewhere.max(across) <= same, "{name}: off by {elsewhere}, {across} at borders");
+        // The control: pages without borders.
+        let [elsewhere, across] = off(0);
+        assert!(elsewhere <= same && across > 5.0 * same, "{name}: {elsewhere}, {across}");
     }
 }
 
@@ -515,12 +687,39 @@ fn memory_that_does_not_suffice_makes_pages_coarser_and_more_of_it_changes_nothi
     let [little, enough] = [256, 1024].map(|size| shot(size, 0.25));
     assert_eq!(enough.counters["pages_clamped"], 0, "{:?}", enough.counters);
     let counters = &little.counters;
-    assert!(counters["pages_in_use"] <= 256 && counters["levels_clamped"] > 0, "{counters:?}");
+    assert!(counters["pages_in_use"] <= 256 && counters["page_rank"] > 0, "{counters:?}");
     assert!(counters["pages_clamped"] > 256, "{counters:?}");
     assert_eq!(counters["pages_requested"], enough.counters["pages_requested"], "as many asked");
     for shot in [&little, &enough] {
         let share = wrong(&stage, &light, &shot.visibility);
         assert!(share <= 5e-3, "{share} of the samples are wrong");
+    }
+}
+
+/// Where not all has room that is asked for, and a plain map fits its window to the one object that there is.
+#[test]
+fn an_atlas_that_does_not_suffice_is_no_worse_than_a_plain_map_of_its_size() {
+    let gpu = gpu();
+    let scene = generate::by_name("tree").expect("a scene");
+    let stage = stage(&gpu, &scene, 256);
+    for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
+        let light = scene.light_or_placed(kind);
+        let config = of_size(1024);
+        let shot = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
+        let counters = &shot.counters;
+        let suffices = counters["pages_requested"] - counters["pages_empty"] <= 256;
+        assert!(!suffices && counters["pages_clamped"] > 0, "{kind:?}: {counters:?}");
+        let matched = wrong(&stage, &light, &shot.visibility);
+        let plain = |size| {
+            let map = MapConfig { size, ..MapConfig::default() };
+            let mut plain = Plain { map }.build(&gpu).expect("a valid config");
+            let shot = stage.shoot(&gpu, &light, plain.as_mut(), 0).expect("a shot");
+            wrong(&stage, &light, &shot.visibility)
+        };
+        let (same, larger) = (plain(1024), plain(4096));
+        assert!(matched <= same, "{kind:?}: {matched} of the samples are wrong, else {same}");
+        // The control: a map of 16 times the memory does better.
+        assert!(matched > larger, "{kind:?}: {matched} of the samples are wrong, else {larger}");
     }
 }
 
@@ -534,7 +733,8 @@ fn pages_whose_lists_have_no_room_are_drawn_all_the_same() {
     let usual = shoot(&gpu, &stage, &light, &mut built(&gpu, &config));
     assert_eq!(usual.counters["pages_without_list"], 0, "room for all");
     for room in [1, 300] {
-        let mut technique = config.build_with_room(&gpu, room).expect("a valid config");
+        let limits = Limits { pairs: room, ..Limits::default() };
+        let mut technique = config.build_within(&gpu, limits).expect("a valid config");
         let shot = shoot(&gpu, &stage, &light, &mut technique);
         assert!(shot.counters["pages_without_list"] > 0, "room for {room} pairs");
         assert_eq!(shot.visibility, usual.visibility, "room for {room} pairs");

@@ -250,6 +250,17 @@ struct Filtered {
     taps: u32,
 }
 
+impl Filtered {
+    fn counters_of(&self, texels: u64) -> Counters {
+        let texels = if self.jobs.is_empty() { 0 } else { texels };
+        Counters::from([
+            ("store_layers", self.jobs.len() as u64),
+            ("store_texels", texels),
+            ("store_taps", texels * u64::from(self.taps)),
+        ])
+    }
+}
+
 impl Store for Filtered {
     fn prepare(&mut self, gpu: &Gpu, _frame: &Frame<'_>, map: &ShadowMap) -> Result<(), GpuError> {
         self.jobs.clear();
@@ -270,13 +281,13 @@ impl Store for Filtered {
 
     fn encode(
         &mut self,
-        _gpu: &Gpu,
+        gpu: &Gpu,
         _frame: &Frame<'_>,
-        _map: &ShadowMap,
+        map: &ShadowMap,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError> {
         if !self.jobs.is_empty() {
-            self.blur.encode(recorder, "filter/blur");
+            self.blur.encode_gated(gpu, recorder, "filter/blur", map.drawn());
         }
         Ok(())
     }
@@ -298,16 +309,11 @@ impl Store for Filtered {
     }
 
     fn counters(&self) -> Counters {
-        let texels = if self.jobs.is_empty() { 0 } else { self.blur.texels() };
-        Counters::from([
-            ("store_layers", self.jobs.len() as u64),
-            ("store_texels", texels),
-            ("store_taps", texels * u64::from(self.taps)),
-        ])
+        self.counters_of(self.blur.texels())
     }
 
     fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
-        let mut counters = self.counters();
+        let mut counters = self.counters_of(self.blur.read_texels(gpu)?);
         if let Some(depth) = &self.depth {
             counters.extend(depth.counts(gpu)?);
         }

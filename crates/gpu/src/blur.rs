@@ -2,7 +2,7 @@
 
 use antumbra_shaders::{Slot, blur_target, module, source};
 
-use crate::lines::{JobUniform, LayerJob, Lines, texel_name};
+use crate::lines::{Gate, JobUniform, LayerJob, Lines, texel_name};
 use crate::{Gpu, GpuError, Recorder};
 
 /// One layer to make.
@@ -113,7 +113,18 @@ impl Blur {
 
     /// Records the jobs of the last [`Blur::prepare`] as one pass called `name`.
     pub fn encode(&self, recorder: &mut Recorder<'_>, name: &'static str) {
-        self.lines.encode(recorder, name, |size| [size.div_ceil(64), size]);
+        self.lines.encode(recorder, name, workgroups);
+    }
+
+    /// As [`Blur::encode`], but where `gate` says that the source is as it was, and the jobs are, layers stay as they are.
+    pub fn encode_gated(
+        &mut self,
+        gpu: &Gpu,
+        recorder: &mut Recorder<'_>,
+        name: &'static str,
+        gate: Option<&Gate>,
+    ) {
+        self.lines.encode_gated(gpu, recorder, name, workgroups, gate);
     }
 
     /// The filtered layers, one a job, as a `D2Array` view.
@@ -128,10 +139,18 @@ impl Blur {
         self.lines.texture()
     }
 
-    /// Texels that the recorded jobs write, intermediate ones included.
+    /// Texels that the recorded jobs write, intermediate ones included; if a gate decides on them, at most.
     #[must_use]
     pub fn texels(&self) -> u64 {
         self.lines.texels()
+    }
+
+    /// Texels that the jobs of the last submitted frame wrote. Waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn read_texels(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+        self.lines.read_texels(gpu)
     }
 
     /// Bytes of GPU memory held.
@@ -139,6 +158,11 @@ impl Blur {
     pub fn bytes(&self) -> u64 {
         self.lines.bytes()
     }
+}
+
+/// Workgroups of a pass over a layer of `size` texels a side.
+fn workgroups(size: u32) -> [u32; 2] {
+    [size.div_ceil(64), size]
 }
 
 /// Bound, relative to the largest magnitude in the window, on the rounding of a filtered value of a blur

@@ -32,7 +32,7 @@ pub use edges::{Body, CasterEdges, EdgeFault, Edges};
 pub use error::GpuError;
 pub use expectation::Expectation;
 pub use layers::Layers;
-pub use lines::LayerJob;
+pub use lines::{Gate, LayerJob};
 pub use mesh_set::MeshSet;
 pub use pipeline::{BindGroupCache, bind, entries};
 pub use probe::{Check, Probe, Verdict, probe};

@@ -2,7 +2,7 @@
 
 use antumbra_shaders::{Slot, link, source};
 
-use crate::{Gpu, GpuError, Recorder, bind, entries};
+use crate::{Gpu, GpuError, Recorder, bind, entries, read_buffer};
 
 /// One layer to make of a layer of an array texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,6 +11,16 @@ pub struct LayerJob {
     pub source: u32,
     /// What the texel module is given as `first` and `second`.
     pub parameters: [[f32; 4]; 2],
+}
+
+/// A word that earlier passes of a frame leave on the GPU: 1 where what follows is to be done, 0 where all of it would be as it
+/// is.
+#[derive(Clone, Debug)]
+pub struct Gate {
+    /// The buffer, which can be copied from.
+    pub buffer: wgpu::Buffer,
+    /// Where in it the word is, bytes.
+    pub offset: u64,
 }
 
 /// A pass along each axis, for each of several layers, through one layer of intermediate results.
@@ -23,6 +33,11 @@ pub(crate) struct Lines {
     stride: u32,
     made: Option<Made>,
     jobs: u32,
+    /// The jobs of the last call of `prepare` that had any, and whether layers have yet to be made of them.
+    last: Vec<LayerJob>,
+    is_due: bool,
+    /// Workgroups of the passes of the last frame, if a gate decided on them.
+    gated: Option<wgpu::Buffer>,
 }
 
 #[derive(Debug)]
@@ -88,6 +103,9 @@ impl Lines {
             stride: (uniform as u32).next_multiple_of(alignment),
             made: None,
             jobs: 0,
+            last: Vec::new(),
+            is_due: false,
+            gated: None,
         })
     }
 
@@ -107,8 +125,14 @@ impl Lines {
             let kept = self.made.take().filter(fits);
             let uniform = size_of::<U>() as u64;
             self.made = Some(self.make(gpu, source, (size, jobs.len() as u32), uniform, kept)?);
+            self.is_due = true;
         }
         self.jobs = jobs.len() as u32;
+        if !jobs.is_empty() && self.last != jobs {
+            self.last.clear();
+            self.last.extend_from_slice(jobs);
+            self.is_due = true;
+        }
         let Some(made) = &self.made else { return Ok(()) };
         for (index, job) in jobs.iter().enumerate() {
             let layers = [[job.source as i32, 0, 0, 0], [0, index as i32, 0, 0]];
@@ -182,9 +206,44 @@ impl Lines {
                 let offset = self.stride * (2 * job + index as u32);
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, &made.groups[index], &[offset]);
-                pass.dispatch_workgroups(x, y, 1);
+                match &self.gated {
+                    None => pass.dispatch_workgroups(x, y, 1),
+                    Some(workgroups) => pass.dispatch_workgroups_indirect(workgroups, 0),
+                }
             }
         }
+    }
+
+    /// As [`Lines::encode`], where `gate` says so, or where the last frame's layers were made of other jobs.
+    pub(crate) fn encode_gated(
+        &mut self,
+        gpu: &Gpu,
+        recorder: &mut Recorder<'_>,
+        name: &'static str,
+        workgroups: impl Fn(u32) -> [u32; 2],
+        gate: Option<&Gate>,
+    ) {
+        let is_due = std::mem::take(&mut self.is_due);
+        let Some(gate) = gate.filter(|_| !is_due) else {
+            self.gated = None;
+            return self.encode(recorder, name, workgroups);
+        };
+        let size = self.made.as_ref().map_or(0, |made| made.size);
+        let [x, y] = workgroups(size);
+        let gated = self.gated.get_or_insert_with(|| {
+            let usage = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_SRC;
+            gpu.buffer("workgroups", bytemuck::bytes_of(&[x, y, 0]), usage)
+        });
+        // As many in depth as the gate says: one or none.
+        recorder.encoder.copy_buffer_to_buffer(&gate.buffer, gate.offset, gated, 8, 4);
+        self.encode(recorder, name, workgroups);
+    }
+
+    /// Texels that the passes of the last submitted frame wrote. Waits.
+    pub(crate) fn read_texels(&self, gpu: &Gpu) -> Result<u64, GpuError> {
+        let Some(gated) = &self.gated else { return Ok(self.texels()) };
+        let workgroups: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, gated, 12)?);
+        Ok(u64::from(workgroups[2]) * self.texels())
     }
 
     /// The layers, one a job, as a `D2Array` view.

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::fmt;
 
-use antumbra_gpu::{Counters, Frame, Gpu, GpuError, Recorder};
+use antumbra_gpu::{Counters, Frame, Gate, Gpu, GpuError, Recorder};
 use antumbra_scene::Light;
 use antumbra_shaders::{Slot, module};
 use glam::DVec3;
@@ -144,6 +144,11 @@ pub trait Refit: fmt::Debug + Any {
         resolve: &Resolve,
         recorder: &mut Recorder<'_>,
     );
+
+    /// Says whether the frame's passes draw any texel of the map, where texels are kept from frame to frame; nothing by default.
+    fn drawn(&self) -> Option<Gate> {
+        None
+    }
 
     /// Whether casters are to be chosen on the GPU by the windows of what is fitted, default no.
     fn culls(&self) -> bool {

@@ -1,8 +1,8 @@
 //! The depth texture of a light and the passes that fill it.
 
 use antumbra_gpu::{
-    CasterClusters, Counters, Drawn, Frame, Gpu, GpuError, Layers, LightView, ListedTriangles,
-    Recorder, light_view_layout,
+    CasterClusters, Counters, Drawn, Frame, Gate, Gpu, GpuError, Layers, LightView,
+    ListedTriangles, Recorder, light_view_layout,
 };
 use glam::{DVec3, DVec4, Mat4};
 
@@ -30,6 +30,7 @@ pub struct ShadowMap {
     hull: Vec<DVec3>,
     boxes: BodyBoxes,
     counters: Counters,
+    drawn: Option<Gate>,
 }
 
 /// The matrices of the views, for their depth passes.
@@ -92,7 +93,19 @@ impl ShadowMap {
             hull: Vec::new(),
             boxes: BodyBoxes::default(),
             counters: Counters::new(),
+            drawn: None,
         })
+    }
+
+    /// Where the GPU alone knows whether this frame's passes draw any texel: stores that are made of the map stay as they are
+    /// in frames that draw none.
+    #[must_use]
+    pub fn drawn(&self) -> Option<&Gate> {
+        self.drawn.as_ref()
+    }
+
+    pub(crate) fn set_drawn(&mut self, drawn: Option<Gate>) {
+        self.drawn = drawn;
     }
 
     /// Has surfaces that cast no shadow drawn too, for stores that average depth.

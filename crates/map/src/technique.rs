@@ -368,6 +368,7 @@ impl Technique for MapTechnique {
         if let Some(refit) = &mut self.refit {
             refit.encode(gpu, frame, &self.map, resolve, recorder);
             self.counters.extend(refit.counters());
+            self.map.set_drawn(refit.drawn());
         }
         let is_drawn =
             layout.drawing == Drawing::Pages || self.store.as_ref().is_some_and(|s| s.draws());

@@ -236,9 +236,7 @@ impl Stage {
         for _ in 0..repeat {
             session.repeat(gpu, light, technique, &mut shot, true)?;
         }
-        shot.visibility = session.visibility(gpu)?;
-        shot.counters = technique.read_counters(gpu)?;
-        shot.bytes = technique.bytes();
+        session.conclude(gpu, technique, &mut shot)?;
         Ok(shot)
     }
 
@@ -359,5 +357,22 @@ impl Session<'_> {
     /// A lost device.
     pub fn visibility(&self, gpu: &Gpu) -> Result<Vec<f32>, MeasureError> {
         Ok(read_f32_texture(gpu, &self.target, 0)?)
+    }
+
+    /// Reads what `technique` left, which ran last: visibility, counters and bytes. Of the last of several runs, what it
+    /// kept of those before counts as kept.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn conclude(
+        &self,
+        gpu: &Gpu,
+        technique: &dyn Technique,
+        shot: &mut Shot,
+    ) -> Result<(), MeasureError> {
+        shot.visibility = self.visibility(gpu)?;
+        shot.counters = technique.read_counters(gpu)?;
+        shot.bytes = technique.bytes();
+        Ok(())
     }
 }

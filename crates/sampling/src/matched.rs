@@ -20,7 +20,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::over::map_technique;
-pub use pages::MatchedPages;
+pub use pages::{MatchedPages, Request};
 pub use twin::{Page, Virtual};
 pub use window::{Standing, windows};
 
@@ -36,20 +36,36 @@ pub use window::{Standing, windows};
 pub struct ResolutionMatched<E = Plain> {
     /// The technique over the pages, by default the plain test. Its map, whose size is usually 2048 texels a side, is the
     /// atlas that holds them. Where the pages that are asked for do not fit, those of the finest levels become coarser, of
-    /// as few levels as will do.
+    /// as few levels as will do, and there those that the fewest samples look at.
     pub of: E,
     /// Side of a page, texels, borders for the kernel included: a power of two, 1 to 1024, default 64. It is made smaller
     /// where the atlas would be less than 16 pages wide, and larger where it would be more than 64 or a border took more
     /// than an eighth of it. Small pages waste less of the atlas and cost more draws.
     pub page: u32,
     /// Pages a side of the finest level: a power of two, 1 to 1024, default 256. With `page` the resolution at which
-    /// requests end: some 15 000 texels across all casters by default. Memory: 16 bytes times its square, for each face
+    /// requests end: some 15 000 texels across all casters by default. Memory: 27 bytes times its square, for each face
     /// of a cube.
     pub table: u32,
-    /// Pixels by which a shadow's edge may be displaced: above 0, to 64, default 0.25. Of the samples 0.18 times as many are
-    /// wrong, on average, for each pixel of edge a pixel: at 0.25 one in 200 where an edge crosses every ninth pixel. Half of
+    /// Pixels by which a shadow's edge may be displaced: above 0, to 64, default 0.125. Of the samples 0.18 times as many are
+    /// wrong, on average, for each pixel of edge a pixel: at 0.125 one in 200 where an edge crosses every fourth pixel. Half of
     /// it takes up to four times the pages, and leaves half of the error.
     pub displacement: f32,
+}
+
+/// What tests withhold from a technique.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Pairs of page and triangle that there is room for at most, 1 or more, as on a device with small buffers. Pages whose
+    /// lists have no room are drawn from all casters.
+    pub pairs: u32,
+    /// Widest border of a page, texels. Kernels that reach beyond it read what lies beside the page in the atlas.
+    pub border: u32,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { pairs: u32::MAX, border: u32::MAX }
+    }
 }
 
 /// The guard band of a test of one texel, which needs no border.
@@ -57,7 +73,7 @@ const NO_KERNEL: u32 = 2;
 
 impl<E: Default> Default for ResolutionMatched<E> {
     fn default() -> Self {
-        Self { of: E::default(), page: 64, table: 256, displacement: 0.25 }
+        Self { of: E::default(), page: 64, table: 256, displacement: 0.125 }
     }
 }
 
@@ -104,12 +120,11 @@ impl<E> ResolutionMatched<E> {
 }
 
 impl<E: TechniqueConfig> ResolutionMatched<E> {
-    /// As [`TechniqueConfig::build`], with room for at most so many pairs of page and triangle, 1 or more, as on a device
-    /// with small buffers: for tests. Pages whose lists have no room are drawn from all casters.
+    /// As [`TechniqueConfig::build`], within limits: for tests.
     ///
     /// # Errors
     /// As [`TechniqueConfig::build`].
-    pub fn build_with_room(&self, gpu: &Gpu, pairs: u32) -> Result<Box<dyn Technique>, GpuError> {
+    pub fn build_within(&self, gpu: &Gpu, limits: Limits) -> Result<Box<dyn Technique>, GpuError> {
         let settings = self.settings();
         // Any atlas and kernel: the settings' own ranges.
         settings.layout(1 << 12, 1)?;
@@ -121,14 +136,14 @@ impl<E: TechniqueConfig> ResolutionMatched<E> {
                 fix: "choose map/plain or one of filter/ over pages; for soft shadows use sampling/cascades",
             });
         }
-        let arrange = Box::new(Paging { settings, room: pairs.max(1), standing: Cell::default() });
+        let arrange = Box::new(Paging { settings, limits, standing: Cell::default() });
         Ok(Box::new(technique.rearranged(|_| Ok(arrange))?))
     }
 }
 
 impl<E: TechniqueConfig> TechniqueConfig for ResolutionMatched<E> {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        self.build_with_room(gpu, u32::MAX)
+        self.build_within(gpu, Limits::default())
     }
 
     fn set_map_size(&mut self, size: u32) {
@@ -157,7 +172,7 @@ pub fn pages_of(technique: &dyn Technique) -> Option<&MatchedPages> {
 #[derive(Debug)]
 struct Paging {
     settings: ResolutionMatched<()>,
-    room: u32,
+    limits: Limits,
     standing: Cell<Standing>,
 }
 
@@ -192,7 +207,7 @@ impl Arrange for Paging {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError> {
         check_light(frame.light)?;
-        let map = self.settings.layout(fitting.size, fitting.guard)?;
+        let map = self.settings.layout(fitting.size, fitting.guard.min(self.limits.border))?;
         let (texels, mut standing) = (map.texels(), self.standing.get());
         let receivers = fitting.receivers;
         let views = windows(frame.light, hull, frame.origin, texels, receivers, &mut standing);
@@ -202,7 +217,7 @@ impl Arrange for Paging {
 
     fn refit(&self, gpu: &Gpu, light: &Light) -> Result<Option<Box<dyn Refit>>, GpuError> {
         let (select, faces) = Self::select(light);
-        let pages = MatchedPages::new(gpu, self.settings, self.room, (select, faces as u32))?;
+        let pages = MatchedPages::new(gpu, self.settings, self.limits, (select, faces as u32))?;
         Ok(Some(Box::new(pages)))
     }
 }

@@ -126,13 +126,11 @@ impl Group<'_> {
             for Candidate { technique, shot, .. } in candidates.iter_mut() {
                 let Ok(ready) = technique else { continue };
                 let done = session.repeat(self.gpu, light, ready.as_mut(), shot, keep);
-                let done = done.and_then(|()| {
-                    if round == 0 {
-                        shot.visibility = session.visibility(self.gpu)?;
-                        shot.counters = ready.read_counters(self.gpu)?;
-                        shot.bytes = ready.bytes();
-                    }
-                    Ok(())
+                // Of a still frame: what is kept from frame to frame was kept.
+                let last = round == self.plan.settings.repeat;
+                let done = done.and_then(|()| match last {
+                    true => session.conclude(self.gpu, ready.as_ref(), shot),
+                    false => Ok(()),
                 });
                 if let Err(error) = done {
                     *technique = Err(error);

@@ -156,10 +156,8 @@ pub(super) fn shoot(
         for (technique, shot) in techniques.iter_mut().zip(&mut shots) {
             // The first round warms up: pipelines compile on first use.
             session.repeat(gpu, light, technique.as_mut(), shot, round > 0)?;
-            if round == 0 {
-                shot.visibility = session.visibility(gpu)?;
-                shot.bytes = technique.bytes();
-                shot.counters = technique.read_counters(gpu)?;
+            if round == plan.settings.repeat {
+                session.conclude(gpu, technique.as_ref(), shot)?;
             }
         }
     }

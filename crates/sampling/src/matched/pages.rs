@@ -1,18 +1,17 @@
 //! The passes of a frame: from requests to pages drawn.
 
-use antumbra_gpu::{CasterTriangles, Counters, Frame, Gpu, GpuError, Recorder, read_buffer};
+use antumbra_gpu::{CasterTriangles, Counters, Frame, Gate, Gpu, GpuError, Recorder, read_buffer};
 use antumbra_map::{Refit, Resolve, ShadowMap};
 
 use super::passes::Passes;
-use super::room::{Atlas, STATE_WORDS, Work};
-use super::{Page, ResolutionMatched, Virtual};
+use super::room::{Atlas, Work};
+use super::{Limits, Page, ResolutionMatched, Virtual};
 
 /// The pages of a virtual shadow map: which are asked for, where they lie in the atlas, and what is drawn of them.
 #[derive(Debug)]
 pub struct MatchedPages {
     settings: ResolutionMatched<()>,
-    /// Pairs of page and triangle at most.
-    room: u32,
+    limits: Limits,
     faces: u32,
     passes: Passes,
     setup: wgpu::Buffer,
@@ -29,6 +28,17 @@ pub struct MatchedPages {
     counters: Counters,
 }
 
+/// A page that view samples ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// The page.
+    pub page: Page,
+    /// Samples that ask for it.
+    pub samples: u32,
+    /// Whether casters lie on it: else it needs no memory.
+    pub occupied: bool,
+}
+
 /// What `prepare` leaves for `encode`.
 #[derive(Clone, Copy, Debug)]
 struct Prepared {
@@ -41,8 +51,15 @@ struct Prepared {
 const FACES: usize = 6;
 /// Triangles of a block of casters; `sampling/matched.wesl` knows it too.
 const BLOCK: u32 = 32;
-/// Invocations of a workgroup over casters.
+/// Invocations of a workgroup over casters, and over pages.
 const GROUP: u32 = 64;
+const PAGES_GROUP: u32 = 256;
+/// The marks of these names in `sampling/matched.wesl`.
+const OCCUPIED: u32 = 4;
+const IN_USE: u32 = 8;
+
+/// The word of the state of that name there.
+const ANY_DRAWN: u64 = 10;
 
 /// The twin of `Setup` in `sampling/matched.wesl`.
 #[repr(C)]
@@ -62,7 +79,7 @@ impl MatchedPages {
     pub(super) fn new(
         gpu: &Gpu,
         settings: ResolutionMatched<()>,
-        room: u32,
+        limits: Limits,
         (select, faces): (&'static str, u32),
     ) -> Result<Self, GpuError> {
         let buffer = |label, size, usage| {
@@ -76,7 +93,7 @@ impl MatchedPages {
         let size = size_of::<SetupUniform>() as u64;
         Ok(Self {
             settings,
-            room,
+            limits,
             faces,
             passes: Passes::new(gpu, select)?,
             setup: buffer("setup of pages", size, wgpu::BufferUsages::UNIFORM),
@@ -97,18 +114,40 @@ impl MatchedPages {
         self.kept.as_ref().map(|(map, _)| map)
     }
 
-    /// The pages that the view samples of the last encoded frame asked for, before any became coarser. Waits: for tests.
+    /// What the view samples of the last encoded frame asked for, before any became coarser. Waits: for tests.
     ///
     /// # Errors
     /// A lost device.
-    pub fn read_requests(&self, gpu: &Gpu) -> Result<Vec<Page>, GpuError> {
+    pub fn read_requests(&self, gpu: &Gpu) -> Result<Vec<Request>, GpuError> {
         let Some((map, atlas)) = self.kept.as_ref().filter(|_| self.prepared.is_some()) else {
             return Ok(Vec::new());
         };
-        let bytes = read_buffer(gpu, &atlas.marks, atlas.marks.size())?;
-        let marks: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        let asked = (0..).zip(marks).filter(|(_, mark)| mark & 1 != 0);
-        Ok(asked.map(|(index, _)| map.page_at(index)).collect())
+        let (marks, asked) = (read(gpu, &atlas.marks)?, read(gpu, &atlas.asked)?);
+        let asked = (0..).zip(marks.into_iter().zip(asked)).filter(|(_, (_, n))| *n > 0);
+        let request = |(index, (mark, samples))| {
+            let page = map.page_at(index);
+            Request { page, samples, occupied: mark & OCCUPIED != 0 }
+        };
+        Ok(asked.map(request).collect())
+    }
+
+    /// Of each pixel of the last encoded frame the page that is looked up, where it takes one. Waits: for tests.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn read_lookups(&self, gpu: &Gpu) -> Result<Vec<Option<Page>>, GpuError> {
+        let (Some((map, atlas)), Some(work), Some(_)) = (&self.kept, &self.work, self.prepared)
+        else {
+            return Ok(Vec::new());
+        };
+        let (marks, requests) = (read(gpu, &atlas.marks)?, read(gpu, &work.requests)?);
+        let mark = |page| marks[map.index_of(page) as usize];
+        let lookup = |request| {
+            let page = Page::from_id(request).filter(|page| mark(*page) & OCCUPIED != 0)?;
+            let mut holders = (page.level..map.levels()).map(|level| map.holder(page, level));
+            holders.find(|holder| mark(*holder) & IN_USE != 0)
+        };
+        Ok(requests.into_iter().map(lookup).collect())
     }
 
     /// Takes note of the casters that lie in a face's window, wherever the camera is.
@@ -126,6 +165,11 @@ impl MatchedPages {
             });
         }
     }
+}
+
+/// The words of a buffer.
+fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
+    Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, buffer, buffer.size())?))
 }
 
 /// The casters' triangles.
@@ -149,7 +193,7 @@ impl Refit for MatchedPages {
             return Ok(());
         }
         triangles(frame)?;
-        let pages = self.settings.layout(map.size(), map.guard())?;
+        let pages = self.settings.layout(map.size(), map.guard().min(self.limits.border))?;
         if self.kept.as_ref().is_none_or(|(kept, _)| *kept != pages) {
             let atlas = Atlas::new(gpu, &pages, self.faces, &self.passes.slot_layout)?;
             self.kept = Some((pages, atlas));
@@ -180,13 +224,13 @@ impl Refit for MatchedPages {
             pixels: [width, height, camera.is_some().into(), across * GROUP],
             shape: [pages.table, pages.page_count(), pages.levels(), self.faces],
             page: [pages.page, pages.border, pages.side(), pages.slots()],
-            atlas: [pages.row, work.pairs_room.min(self.room), self.fit, entries],
+            atlas: [pages.row, work.pairs_room.min(self.limits.pairs), self.fit, entries],
             rule: [pages.rule, 0.0, 0.0, 0.0],
         };
         gpu.queue.write_buffer(&self.setup, 0, bytemuck::bytes_of(&setup));
         gpu.queue.write_buffer(&work.blocks, 0, bytemuck::cast_slice(&self.blocks));
         if let Some((_, atlas)) = &self.kept {
-            let bound = [&self.setup, &work.requests, &atlas.held, &atlas.state];
+            let bound = [&self.setup, &work.requests, &atlas.held, &atlas.marks];
             self.passes.lookups.of(gpu, bound.map(Into::into));
         }
         self.work = Some(work);
@@ -229,6 +273,9 @@ impl Refit for MatchedPages {
                 (&samples.normals_view).into(),
                 (&atlas.marks).into(),
                 (&work.requests).into(),
+                (&atlas.asked).into(),
+                (&atlas.wanted).into(),
+                (&atlas.state).into(),
             ],
         );
         let views = passes.views.of(gpu, [resolve.views().into()]);
@@ -240,6 +287,8 @@ impl Refit for MatchedPages {
             &atlas.state,
             &atlas.draws,
             &atlas.wanted,
+            &atlas.asked,
+            &atlas.within,
         ];
         let on_pages = passes.pages.of(gpu, of_pages.map(Into::into));
         let of_casters = [
@@ -262,21 +311,28 @@ impl Refit for MatchedPages {
             triangles.indices,
         ];
         let of_drawing = passes.drawing.of(gpu, of_drawing.map(Into::into));
-        recorder.encoder.clear_buffer(&atlas.marks, 0, None);
-        recorder.encoder.clear_buffer(&atlas.state, 0, None);
+        for of_frame in [&atlas.marks, &atlas.asked, &atlas.within, &atlas.state] {
+            recorder.encoder.clear_buffer(of_frame, 0, None);
+        }
         let (width, height) = prepared.pixels;
         let mut pass = recorder.compute_pass("sampling/requests");
         pass.set_bind_group(0, &requests, &[]);
         pass.set_bind_group(1, &views, &[]);
         pass.set_pipeline(&passes.request);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        let [x, y] = prepared.groups;
+        pass.set_bind_group(0, &of_casters, &[]);
+        pass.set_pipeline(&passes.occupy);
+        pass.dispatch_workgroups(x, y, 1);
         pass.set_bind_group(0, &on_pages, &[]);
-        pass.set_pipeline(&passes.coarsen);
-        pass.dispatch_workgroups((pages.page_count() * self.faces).div_ceil(64), 1, 1);
+        let groups = (pages.page_count() * self.faces).div_ceil(PAGES_GROUP);
+        pass.set_pipeline(&passes.gather);
+        pass.dispatch_workgroups(groups, 1, 1);
+        pass.set_pipeline(&passes.weigh);
+        pass.dispatch_workgroups(groups, 1, 1);
         pass.set_pipeline(&passes.assign);
         pass.dispatch_workgroups(1, 1, 1);
         drop(pass);
-        let [x, y] = prepared.groups;
         let mut pass = recorder.compute_pass("sampling/casters");
         pass.set_bind_group(0, &of_casters, &[]);
         pass.set_pipeline(&passes.count);
@@ -326,6 +382,11 @@ impl Refit for MatchedPages {
         ]);
     }
 
+    fn drawn(&self) -> Option<Gate> {
+        let (_, atlas) = self.kept.as_ref().filter(|_| self.prepared.is_some())?;
+        Some(Gate { buffer: atlas.state.clone(), offset: 4 * ANY_DRAWN })
+    }
+
     fn counters(&self) -> Counters {
         self.counters.clone()
     }
@@ -335,20 +396,21 @@ impl Refit for MatchedPages {
         let Some((_, atlas)) = self.kept.as_ref().filter(|_| self.prepared.is_some()) else {
             return Ok(counters);
         };
-        let state: Vec<u32> =
-            bytemuck::pod_collect_to_vec(&read_buffer(gpu, &atlas.state, 4 * STATE_WORDS)?);
-        let finest = state[16];
-        counters.extend([
+        let state = read(gpu, &atlas.state)?;
+        let names = [
             // As many as view samples ask for, before any became coarser.
-            ("pages_requested", state[0].into()),
-            ("pages_in_use", state[finest as usize].into()),
-            ("pages_clamped", state[17].into()),
-            ("pages_rendered", state[18].into()),
-            ("pages_reused", state[19].into()),
-            ("levels_clamped", finest.into()),
-            ("page_triangles", state[20].into()),
-            ("pages_without_list", state[21].into()),
-        ]);
+            "pages_requested",
+            "pages_empty",
+            "pages_in_use",
+            "pages_clamped",
+            "samples_clamped",
+            "pages_rendered",
+            "pages_reused",
+            "pages_without_list",
+            "page_triangles",
+            "page_rank",
+        ];
+        counters.extend(names.into_iter().zip(state.into_iter().map(u64::from)));
         Ok(counters)
     }
 

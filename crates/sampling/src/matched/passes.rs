@@ -76,8 +76,10 @@ pub(super) struct Passes {
     pub(super) lookups: Group,
     pub(super) slot_layout: wgpu::BindGroupLayout,
     pub(super) request: wgpu::ComputePipeline,
-    pub(super) coarsen: wgpu::ComputePipeline,
+    pub(super) gather: wgpu::ComputePipeline,
+    pub(super) weigh: wgpu::ComputePipeline,
     pub(super) assign: wgpu::ComputePipeline,
+    pub(super) occupy: wgpu::ComputePipeline,
     pub(super) count: wgpu::ComputePipeline,
     pub(super) plan: wgpu::ComputePipeline,
     pub(super) list: wgpu::ComputePipeline,
@@ -91,27 +93,21 @@ impl Passes {
         use entries::{storage, texels, uniform, write_storage};
         const CS: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE;
         const VS: wgpu::ShaderStages = wgpu::ShaderStages::VERTEX;
-        let requests = Group::new(
-            gpu,
-            "requests",
-            &[
-                uniform(0, CS),
-                texels(1, CS, false),
-                texels(2, CS, false),
-                write_storage(3, CS),
-                write_storage(4, CS),
-            ],
-        );
         let written = |binding| write_storage(binding, CS);
+        let mut entries_of_requests =
+            vec![uniform(0, CS), texels(1, CS, false), texels(2, CS, false)];
+        entries_of_requests.extend((3..=7).map(written));
+        let requests = Group::new(gpu, "requests", &entries_of_requests);
         let mut entries_of_pages = vec![uniform(0, CS)];
         entries_of_pages.extend((1..=6).map(written));
+        entries_of_pages.extend([storage(7, CS), written(8)]);
         let pages = Group::new(gpu, "pages", &entries_of_pages);
         let casters = Group::new(
             gpu,
             "casters on pages",
             &[
                 uniform(0, CS),
-                storage(1, CS),
+                written(1),
                 storage(2, CS),
                 written(3),
                 storage(4, CS),
@@ -164,9 +160,11 @@ impl Passes {
         });
         Ok(Self {
             request: in_views(&of_requests, "request", &requests),
-            coarsen: compute(&of_pages, "coarsen", &pages),
+            gather: compute(&of_pages, "gather", &pages),
+            weigh: compute(&of_pages, "weigh", &pages),
             assign: compute(&of_pages, "assign", &pages),
             plan: compute(&of_pages, "plan", &pages),
+            occupy: compute(&of_casters, "occupy", &casters),
             count: compute(&of_casters, "count", &casters),
             list: compute(&of_casters, "list", &casters),
             wipe: depth(gpu, &layout, &drawn, "wipe", wgpu::CompareFunction::Always),

@@ -6,8 +6,8 @@ use super::Virtual;
 
 /// The twin of `Slot` in `sampling/matched.wesl`, bytes.
 const SLOT: u64 = 64;
-/// Words of the state.
-pub(super) const STATE_WORDS: u64 = 24;
+/// Words of the state: counters, one of each level, of each rank, and of what is beyond.
+const STATE_WORDS: u64 = 16 + 16 + 256 + 1;
 /// Pairs of page and triangle that there is room for, whatever the casters: 4 MiB.
 const LEAST_PAIRS: u32 = 1 << 20;
 
@@ -18,6 +18,9 @@ pub(super) struct Atlas {
     pub(super) marks: wgpu::Buffer,
     /// Of each page 1 + its slot, or 0.
     pub(super) held: wgpu::Buffer,
+    /// Of each page how many samples ask for it, and for it and those within it.
+    pub(super) asked: wgpu::Buffer,
+    pub(super) within: wgpu::Buffer,
     pub(super) slots: wgpu::Buffer,
     /// Pages that are asked for.
     pub(super) wanted: wgpu::Buffer,
@@ -62,6 +65,8 @@ impl Atlas {
         Ok(Self {
             marks: storage(gpu, "marks of pages", 4 * pages, none)?,
             held: storage(gpu, "slots of pages", 4 * pages, none)?,
+            asked: storage(gpu, "samples of pages", 4 * pages, none)?,
+            within: storage(gpu, "samples within pages", 4 * pages, none)?,
             slots: storage(gpu, "slots", SLOT * slots, none)?,
             wanted: storage(gpu, "pages asked for", 4 * pages, none)?,
             state: storage(gpu, "state", 4 * STATE_WORDS, none)?,
@@ -76,6 +81,8 @@ impl Atlas {
         let buffers = [
             &self.marks,
             &self.held,
+            &self.asked,
+            &self.within,
             &self.slots,
             &self.wanted,
             &self.state,

@@ -1,6 +1,6 @@
 //! How pages are numbered and chosen, in f64: the truth of `sampling/matched.wesl` in tests.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use antumbra_gpu::ViewCamera;
 use antumbra_map::TexelOnScreen;
@@ -16,6 +16,27 @@ pub struct Page {
     pub level: u32,
     /// Column and row.
     pub tile: [u32; 2],
+}
+
+impl Page {
+    /// The page that `sampling/matched.wesl` packs into a number, or none of a pixel that needs no page.
+    #[must_use]
+    pub fn from_id(id: u32) -> Option<Self> {
+        let face = id >> 28;
+        let tile = [id & 0xfff, (id >> 12) & 0xfff];
+        (face < 6).then_some(Self { face, level: (id >> 24) & 15, tile })
+    }
+}
+
+/// Ranks that there are.
+const RANKS: u32 = 256;
+
+/// The rank of a page that so many samples look at, 1 or more: eight ranks to each doubling.
+#[must_use]
+pub fn rank_of(samples: u32) -> u32 {
+    let exponent = samples.ilog2();
+    let bits = (u64::from(samples) << 3) >> exponent;
+    8 * exponent + (bits % 8) as u32
 }
 
 /// A virtual map and the atlas for its pages.
@@ -81,10 +102,9 @@ impl Virtual {
         Page { face, level, tile: [rest % m, rest / m] }
     }
 
-    /// The page that holds `page` at a level that is no finer than `finest`.
+    /// The page that holds `page` at a level, its own or above.
     #[must_use]
-    pub fn no_finer(&self, page: Page, finest: u32) -> Page {
-        let level = page.level.max(finest);
+    pub fn holder(&self, page: Page, level: u32) -> Page {
         Page { level, tile: page.tile.map(|t| t >> (level - page.level)), ..page }
     }
 
@@ -127,16 +147,31 @@ impl Virtual {
         if sides.is_finite() { sides } else { f64::MAX }
     }
 
-    /// The finest level at which `requests`, of one face, fit into the atlas, those for finer ones having become coarser, and
-    /// the pages that are then in use.
+    /// The pages in use for requests, of which the number of samples is known: each, or the first above it that is kept. Those
+    /// are kept whose level is no finer than one at which all would fit into the atlas, or within which lie so many samples
+    /// that their rank is the least or more. The least is the first that will do, and is given, too.
     #[must_use]
-    pub fn fitting(&self, requests: &BTreeSet<Page>) -> (u32, BTreeSet<Page>) {
-        let from = |finest| requests.iter().map(|&page| self.no_finer(page, finest)).collect();
+    pub fn fitting(&self, requests: &BTreeMap<Page, u32>) -> (u32, BTreeSet<Page>) {
         let last = self.levels() - 1;
-        let mut pages = (0..last).map(|finest| (finest, from(finest)));
-        let fits = |(_, pages): &(u32, BTreeSet<Page>)| pages.len() as u32 <= self.slots();
-        // The last is one page.
-        pages.find(fits).unwrap_or_else(|| (last, from(last)))
+        let mut within = BTreeMap::<Page, u32>::new();
+        for (page, samples) in requests {
+            for level in page.level..=last {
+                *within.entry(self.holder(*page, level)).or_default() += samples;
+            }
+        }
+        let from = |finest, least| -> BTreeSet<Page> {
+            let kept = |page: &Page| {
+                let is_kept =
+                    |holder: &Page| holder.level >= finest || rank_of(within[holder]) >= least;
+                (page.level..=last).map(|level| self.holder(*page, level)).find(is_kept)
+            };
+            requests.keys().filter_map(kept).collect()
+        };
+        let fits = |pages: &BTreeSet<Page>| pages.len() as u32 <= self.slots();
+        // At the coarsest level one page of each face is left.
+        let finest = (0..last).find(|finest| fits(&from(*finest, RANKS))).unwrap_or(last);
+        let least = (0..RANKS).find(|least| fits(&from(finest, *least))).unwrap_or(RANKS - 1);
+        (least, from(finest, least))
     }
 
     /// What puts a page's part of clip space into the middle half of it: its viewport is twice as wide as the page, so that
@@ -267,23 +302,36 @@ mod tests {
     }
 
     #[test]
-    fn requests_beyond_the_atlas_lose_the_finest_levels() {
-        // All of level 0 but one page: 1023; a quarter of it, 256; 64; and 16, which fit.
-        let mut all: BTreeSet<Page> = (0..1023).map(|i| MAP.page_at(i)).collect();
-        let (by, pages) = MAP.fitting(&all);
-        assert_eq!((by, pages.len()), (3, 16), "of 1023 pages");
-        all.insert(MAP.page_at(1364));
-        assert_eq!(MAP.fitting(&all).0, 4, "one more page, of the whole window");
-        let few: BTreeSet<Page> = all.into_iter().take(16).collect();
-        assert_eq!(MAP.fitting(&few), (0, few.clone()), "what fits is left alone");
-        // Coarse ones stay what they are: 4 pages of level 3 beside the quarter of level 0 that becomes 4 of level 3.
-        let quarter = |i: u32| Page { face: 0, level: 0, tile: [i % 16, i / 16] };
-        let coarse = |i: u32| Page { face: 0, level: 3, tile: [2 + i % 2, 2 + i / 2] };
-        let mixed: BTreeSet<Page> = (0..256).map(quarter).chain((0..4).map(coarse)).collect();
-        let (finest, pages) = MAP.fitting(&mixed);
-        assert_eq!((finest, pages.len()), (3, 8), "a quarter of 256 pages");
-        assert!((0..4).all(|i| pages.contains(&coarse(i))), "{pages:?}");
+    fn ranks_grow_with_samples_eight_to_a_doubling() {
+        let ranks: Vec<u32> = (1..40).map(rank_of).collect();
+        assert_eq!(ranks[..5], [0, 8, 12, 16, 18], "1 to 5 samples");
+        assert_eq!((ranks[15], ranks[16], ranks[17]), (32, 32, 33), "16 to 18 samples");
+        assert!(ranks.windows(2).all(|pair| pair[0] <= pair[1]), "{ranks:?}");
+        assert_eq!(rank_of(u32::MAX), RANKS - 1, "the last");
+    }
+
+    #[test]
+    fn of_requests_beyond_the_atlas_those_of_the_fewest_samples_become_coarser() {
+        let page = |level, x, y| Page { face: 0, level, tile: [x, y] };
+        // 16 slots for 16 pages of 100 samples, and 4 of as few in a page of the next level.
+        let many = |i: u32| page(0, i % 16, i / 16);
+        let mut all: BTreeMap<Page, u32> = (0..16).map(|i| (many(2 * i), 100)).collect();
+        let (least, pages) = MAP.fitting(&all);
+        assert_eq!((least, pages.len()), (0, 16), "what fits is left alone");
+        assert!(all.keys().all(|asked| pages.contains(asked)), "{pages:?}");
+        all.remove(&many(0));
+        let few: Vec<Page> = (0..4).map(|i| page(0, 30 + i % 2, 30 + i / 2)).collect();
+        all.extend(few.iter().map(|few| (*few, 3)));
+        let (least, pages) = MAP.fitting(&all);
+        assert_eq!((least, pages.len()), (rank_of(3) + 1, 16), "more than 3 samples");
+        assert!(pages.contains(&page(1, 15, 15)) && pages.contains(&many(2)), "{pages:?}");
+        // None becomes coarser than where the finest levels are given up whole: two of them, as 4 x 4 pages remain.
+        let spread: BTreeMap<Page, u32> =
+            (0..1024).map(|i| (MAP.page_at(i), if i < 512 { 1 } else { 2 })).collect();
+        let (_, pages) = MAP.fitting(&spread);
+        let coarse: BTreeSet<Page> = (0..16).map(|i| page(3, i % 4, i / 4)).collect();
+        assert_eq!(pages, coarse, "an atlas of 16 pages");
         let none = Virtual { row: 1, ..MAP };
-        assert_eq!(none.fitting(&few).1.len(), 1, "one slot holds one page");
+        assert_eq!(none.fitting(&all).1.len(), 1, "one slot holds one page");
     }
 }
