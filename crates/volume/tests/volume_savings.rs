@@ -105,6 +105,25 @@ fn each_saving_changes_nothing_and_saves() {
     assert!(before > 3 * after, "all together: {before} fragments, then {after}");
 }
 
+/// Beyond 512 pixels bands are wider than a block of samples, and those of columns wider than those of rows; the last
+/// ones are cut short.
+#[test]
+fn no_saving_changes_a_bit_of_a_wide_view() {
+    let gpu = gpu();
+    let scene = generate::street();
+    let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 650, 200).expect("a stage");
+    let light = scene.light_or_placed(LightKind::Directional);
+    let sliced = Savings { slices: 4, ..ALL };
+    let [plain, saved] = [NONE, sliced].map(|savings| {
+        let config = Silhouette { savings, ..Silhouette::default() };
+        shoot(&gpu, &stage, &light, &mut config.build(&gpu).expect("a valid config"))
+    });
+    let other = plain.0.iter().zip(&saved.0).filter(|(a, b)| a != b).count();
+    assert_eq!(other, 0, "samples differ");
+    assert!(plain.0.contains(&0.0) && plain.0.contains(&1.0), "no shadow's edge in view");
+    assert!(saved.1 < plain.1, "{} fragments, then {}", plain.1, saved.1);
+}
+
 #[test]
 fn slices_that_are_none_are_refused() {
     let savings = Savings { window: true, slices: 17, ..NONE };
