@@ -105,6 +105,23 @@ fn each_saving_changes_nothing_and_saves() {
     assert!(before > 3 * after, "all together: {before} fragments, then {after}");
 }
 
+/// Bands of a view of more than 512 pixels are wider than the blocks that are asked, here of 32 columns and 16 rows.
+#[test]
+fn bands_of_many_blocks_change_nothing() {
+    let gpu = gpu();
+    let scene = generate::by_name("cube").expect("a scene");
+    let camera = scene.camera_or_framing();
+    let stage = Stage::new(&gpu, &scene, camera, 640, 200).expect("a stage");
+    let light = scene.light_or_placed(LightKind::Point);
+    let [plain, saved] = [NONE, Savings { window: true, slices: 16, ..NONE }].map(|savings| {
+        let mut technique = ZFail { savings, ..ZFail::default() }.build(&gpu).expect("valid");
+        shoot(&gpu, &stage, &light, &mut technique)
+    });
+    assert!(plain.0 == saved.0 && plain.0.contains(&0.0), "other bits, or no shadow");
+    // A window leaves out nothing but pixels: one ends in the view.
+    assert!(saved.1 < plain.1, "{} fragments, then {}", plain.1, saved.1);
+}
+
 #[test]
 fn slices_that_are_none_are_refused() {
     let savings = Savings { window: true, slices: 17, ..NONE };
