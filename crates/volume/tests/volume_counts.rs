@@ -1,7 +1,7 @@
 //! The counts themselves: that of each sample is the number of volumes that contain it, from wherever it is seen.
 
 use antumbra_gpu::{
-    Gpu, GpuError, GpuOptions, Technique, TechniqueConfig, ViewCamera, read_buffer,
+    Gpu, GpuError, GpuOptions, MeshSet, Technique, TechniqueConfig, ViewCamera, read_buffer,
 };
 use antumbra_measure::{MeasureError, Stage};
 use antumbra_reference::ViewSample;
@@ -12,6 +12,7 @@ use antumbra_volume::{
     homogeneous_light, twin,
 };
 use glam::{DAffine3, DMat4, DVec3, DVec4, Vec3};
+use proptest::prelude::*;
 
 fn gpu() -> Gpu {
     Gpu::new(&GpuOptions::default()).unwrap_or_else(|e| panic!("{e}"))
@@ -24,7 +25,11 @@ fn stage(gpu: &Gpu, scene: &Scene, camera: Camera) -> Stage {
 }
 
 fn counts(gpu: &Gpu, stage: &Stage, light: &Light, mut technique: VolumeTechnique) -> Vec<i32> {
-    stage.shoot(gpu, light, &mut technique, 0).expect("a shot");
+    counts_of(gpu, stage, light, &mut technique)
+}
+
+fn counts_of(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut VolumeTechnique) -> Vec<i32> {
+    stage.shoot(gpu, light, technique, 0).expect("a shot");
     let buffer = technique.counts().expect("wide counters");
     let bytes = read_buffer(gpu, buffer, buffer.size()).expect("read back");
     bytemuck::pod_collect_to_vec(&bytes)
@@ -129,6 +134,70 @@ fn counts_behind_and_in_front_differ_by_the_eyes_own() {
     }
     let in_shadow = around.iter().filter(|n| **n > 0).count();
     assert!(in_shadow >= 9 && in_shadow < around.len(), "eyes in volumes: {around:?}");
+}
+
+/// One of two ways at random: SplitMix64 (Steele, Lea, Flood 2014).
+fn coin(seed: u64, pixel: usize, object: usize) -> bool {
+    let mut z = seed ^ ((pixel as u64) << 32 | object as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    (z ^ (z >> 31)) & 1 == 0
+}
+
+/// Split planes (Laine 2005) choose for each object and pixel which faces to count. Whatever they choose, the number is the
+/// same, but for objects whose volume contains the eye, of which only what is behind counts.
+#[test]
+fn any_split_image_gives_the_same_counts() {
+    let gpu = gpu();
+    let mut z_fail = ZFail::default().technique(&gpu).expect("built");
+    let z_pass = ZPass { near_caps: true, ..ZPass::default() };
+    let mut z_pass = z_pass.technique(&gpu).expect("built");
+    let mut scene = Scene::default();
+    for x in [-1.2, 0.0, 1.2] {
+        let low = DVec3::new(x, 0.8, -0.3);
+        scene.add(shapes::cuboid(low, low + DVec3::splat(0.7)), DAffine3::IDENTITY);
+    }
+    scene.add(shapes::icosphere(1, 0.5), DAffine3::from_translation(DVec3::new(0.4, 2.2, 0.1)));
+    scene.add(shapes::floor(6.0), DAffine3::IDENTITY);
+    let inside = DVec3::new(0.31, 0.5, 0.04);
+    let mut otherwise = 0;
+    for light in [
+        Light::Directional { direction: DVec3::new(0.1, -1.0, 0.2), angular_diameter: 0.0 },
+        Light::Point { position: DVec3::new(0.2, 5.0, 0.3) },
+    ] {
+        for eye in [DVec3::new(2.0, 3.0, 5.0), inside] {
+            let camera =
+                Camera { eye, target: DVec3::new(1.0, 0.0, -1.0), ..scene.framing_camera() };
+            let mut stage = stage(&gpu, &scene, camera);
+            let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
+            let samples: Vec<usize> = facing(&stage, at).map(|(i, _)| i).collect();
+            let whole = counts_of(&gpu, &stage, &light, &mut z_fail);
+            let all = stage.triangles.clone();
+            let objects: Vec<[Vec<i32>; 2]> = all
+                .instances
+                .iter()
+                .map(|range| {
+                    stage.triangles.triangles = all.triangles[range.clone()].to_vec();
+                    stage.triangles.instances = vec![0..range.len()];
+                    stage.meshes =
+                        MeshSet::from_triangles(&gpu, &stage.triangles).expect("an object");
+                    let behind = counts_of(&gpu, &stage, &light, &mut z_fail);
+                    let in_front = counts_of(&gpu, &stage, &light, &mut z_pass);
+                    let around = twin::count(at, corners(&stage), camera.eye - all.origin);
+                    otherwise += usize::from(around > 0 && in_front != behind);
+                    [behind.clone(), if around > 0 { behind } else { in_front }]
+                })
+                .collect();
+            proptest!(ProptestConfig::with_cases(32), |(seed: u64)| {
+                for i in samples.iter().copied() {
+                    let counted = |(o, ways): (usize, &[Vec<i32>; 2])| ways[usize::from(coin(seed, i, o))][i];
+                    let sum: i32 = objects.iter().enumerate().map(counted).sum();
+                    prop_assert_eq!(sum, whole[i], "{:?}, eye {}, sample {}", light, eye, i);
+                }
+            });
+        }
+    }
+    assert_eq!(otherwise, 4, "objects around the eye count otherwise in front");
 }
 
 /// A stack of level squares of two triangles each.

@@ -3,8 +3,8 @@
 
 use antumbra_gpu::{Gpu, GpuOptions, TechniqueConfig};
 use antumbra_measure::Stage;
-use antumbra_reference::{SampleClass, TruthOptions};
-use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
+use antumbra_reference::{SampleClass, Truth, TruthOptions};
+use antumbra_scene::{Camera, Light, LightKind, LoadOptions, Scene, generate, load};
 use antumbra_volume::{Auto, Counter, EyeCounter, Savings, Silhouette, Triangle, ZFail, ZpPlus};
 use glam::{DVec2, DVec3};
 
@@ -22,7 +22,7 @@ const TIES: TruthOptions = TruthOptions {
     seed: 0,
 };
 
-/// What became of a comparison.
+/// What became of comparisons.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     /// Samples that face the light and are no ties.
@@ -31,19 +31,26 @@ struct Score {
     dark: usize,
     /// Those of them that are wrong.
     wrong: usize,
+    /// Samples that face the light and are ties.
+    aside: usize,
+}
+
+impl Score {
+    fn add(&mut self, truth: &Truth, visibility: &[f32]) {
+        for ((v, t), class) in visibility.iter().zip(&truth.visibility).zip(&truth.class) {
+            self.aside += usize::from(*class == SampleClass::Tie);
+            if *class == SampleClass::Counted {
+                self.counted += 1;
+                self.dark += usize::from(*t == 0.0);
+                self.wrong += usize::from(v != t);
+            }
+        }
+    }
 }
 
 fn score(stage: &Stage, light: &Light, visibility: &[f32]) -> Score {
-    let truth = stage.truth(light, &TIES);
     let mut score = Score::default();
-    for (i, (v, t)) in visibility.iter().zip(&truth.visibility).enumerate() {
-        if truth.class[i] != SampleClass::Counted {
-            continue;
-        }
-        score.counted += 1;
-        score.dark += usize::from(*t == 0.0);
-        score.wrong += usize::from(v != t);
-    }
+    score.add(&stage.truth(light, &TIES), visibility);
     score
 }
 
@@ -173,6 +180,12 @@ fn camera_in_shadow(stage: &Stage, light: &Light, like: Camera) -> Option<Camera
     })
 }
 
+/// Above what is looked at, a little aside.
+fn camera_above(like: Camera) -> Camera {
+    let up = DVec3::Y * 0.8 * like.eye.distance(like.target);
+    Camera { eye: like.target + up + DVec3::new(0.13, 0.0, 0.07), ..like }
+}
+
 #[test]
 fn counting_is_exact_from_eyes_in_shadow_and_overhead() {
     let gpu = gpu();
@@ -183,9 +196,7 @@ fn counting_is_exact_from_eyes_in_shadow_and_overhead() {
         let light = scene.light_or_placed(LightKind::Point);
         let inside = camera_in_shadow(&stage(&gpu, &scene, first), &light, first);
         in_shadow += usize::from(inside.is_some());
-        let up = DVec3::Y * 0.8 * first.eye.distance(first.target);
-        let above = Camera { eye: first.target + up + DVec3::new(0.13, 0.0, 0.07), ..first };
-        for camera in inside.into_iter().chain([above]) {
+        for camera in inside.into_iter().chain([camera_above(first)]) {
             let stage = stage(&gpu, &scene, camera);
             let configs: [&dyn TechniqueConfig; 5] = [
                 &ZFail::default(),
@@ -201,4 +212,78 @@ fn counting_is_exact_from_eyes_in_shadow_and_overhead() {
         }
     }
     assert!(in_shadow >= 5, "{in_shadow} eyes in shadow");
+}
+
+/// Every hard light and three cameras, one of them in a shadow: what z-fail, ++ZP and edge counters score over them, and the
+/// number of eyes in shadow.
+fn scores(gpu: &Gpu, scene: &Scene) -> ([Score; 3], usize) {
+    let first = scene.camera_or_framing();
+    let configs: [&dyn TechniqueConfig; 3] =
+        [&ZFail::default(), &EyeCounter::default(), &Silhouette::default()];
+    let mut techniques = configs.map(|c| c.build(gpu).expect("a valid config"));
+    let seen = stage(gpu, scene, first);
+    let (mut scores, mut in_shadow) = ([Score::default(); 3], 0);
+    for kind in LIGHTS {
+        let light = scene.light_or_placed(kind);
+        let inside = camera_in_shadow(&seen, &light, first);
+        in_shadow += usize::from(inside.is_some());
+        for camera in inside.into_iter().chain([first, camera_above(first)]) {
+            let stage = stage(gpu, scene, camera);
+            let truth = stage.truth(&light, &TIES);
+            for (sum, technique) in scores.iter_mut().zip(&mut techniques) {
+                let shot = stage.shoot(gpu, &light, technique.as_mut(), 0).expect("a shot");
+                sum.add(&truth, &shot.visibility);
+            }
+        }
+    }
+    (scores, in_shadow)
+}
+
+#[test]
+fn meshes_that_bound_no_body_are_exact_from_everywhere() {
+    let gpu = gpu();
+    for scene in [generate::non_manifold(), generate::unorientable()] {
+        let (scores, in_shadow) = scores(&gpu, &scene);
+        assert_eq!(in_shadow, 3, "{}: eyes in shadow", scene.name);
+        for score in scores {
+            assert!(score.wrong == 0 && score.dark > 1000, "{}: {score:?}", scene.name);
+        }
+    }
+}
+
+/// The same of the files in the folder that the environment variable `ANTUMBRA_MODELS` names, each on a ground. Their scores
+/// are left in `exactness.md` among cargo's temporary files of the target directory.
+#[test]
+#[ignore = "needs models"]
+fn models_are_exact_from_everywhere() {
+    let folder = std::env::var_os("ANTUMBRA_MODELS").expect("ANTUMBRA_MODELS names a folder");
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| ["obj", "glb"].iter().any(|k| *k == e)))
+        .collect();
+    files.sort_by_key(|path| path.metadata().map_or(0, |m| m.len()));
+    let gpu = gpu();
+    let mut table = String::from(
+        "| model | triangles | eyes in shadow | technique | samples | in shadow | set aside | wrong |\n\
+         |---|--:|--:|---|--:|--:|--:|--:|\n",
+    );
+    let mut wrong = 0;
+    for path in files {
+        let (mut scene, _) = load(&path, &LoadOptions::default()).expect("a scene");
+        scene.add_ground();
+        let (scores, eyes) = scores(&gpu, &scene);
+        let (name, triangles) = (&scene.name, scene.triangle_count());
+        for (technique, Score { counted, dark, aside, wrong: faults }) in
+            ["z-fail", "counter", "silhouette"].into_iter().zip(scores)
+        {
+            table += &format!(
+                "| {name} | {triangles} | {eyes} | `volume/{technique}` | {counted} | {dark} | {aside} | {faults} |\n"
+            );
+            wrong += faults;
+        }
+        std::fs::write(concat!(env!("CARGO_TARGET_TMPDIR"), "/exactness.md"), &table)
+            .expect("written");
+    }
+    assert_eq!(wrong, 0, "{table}");
 }

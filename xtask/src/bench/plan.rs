@@ -218,7 +218,9 @@ fn savings() -> impl Iterator<Item = Entry> {
     let none = Savings::default();
     let all = [
         ("tally", none),
+        ("unculled-tally", none),
         ("window-tally", Savings { window: true, ..none }),
+        ("slices-tally", Savings { window: true, slices: 16, ..none }),
         ("near-tally", Savings { near: true, ..none }),
         ("far-tally", Savings { far: true, ..none }),
         ("clamped-tally", Savings::ALL),
@@ -227,9 +229,10 @@ fn savings() -> impl Iterator<Item = Entry> {
     ];
     all.into_iter().flat_map(|(suffix, savings)| {
         let savings = Savings { tally: suffix.ends_with("tally"), ..savings };
+        let culling = !suffix.starts_with("unculled");
         let volumes = [
-            Config::VolumeZFail(ZFail { savings, ..Default::default() }),
-            Config::VolumeSilhouette(Silhouette { savings, ..Default::default() }),
+            Config::VolumeZFail(ZFail { savings, culling, ..Default::default() }),
+            Config::VolumeSilhouette(Silhouette { savings, culling, ..Default::default() }),
         ];
         volumes.map(|config| Entry { name: format!("{}-{suffix}", config.id()), config })
     })
