@@ -215,7 +215,7 @@ fn counting_is_exact_from_eyes_in_shadow_and_overhead() {
 }
 
 /// Every hard light and three cameras, one of them in a shadow: what z-fail, ++ZP and edge counters score over them, and the
-/// number of eyes in shadow.
+/// number of eyes in shadow that see samples that count.
 fn scores(gpu: &Gpu, scene: &Scene) -> ([Score; 3], usize) {
     let first = scene.camera_or_framing();
     let configs: [&dyn TechniqueConfig; 3] =
@@ -226,10 +226,12 @@ fn scores(gpu: &Gpu, scene: &Scene) -> ([Score; 3], usize) {
     for kind in LIGHTS {
         let light = scene.light_or_placed(kind);
         let inside = camera_in_shadow(&seen, &light, first);
-        in_shadow += usize::from(inside.is_some());
-        for camera in inside.into_iter().chain([first, camera_above(first)]) {
+        let around = [Some(first), Some(camera_above(first)), inside];
+        for (i, camera) in around.into_iter().enumerate().filter_map(|(i, c)| Some((i, c?))) {
             let stage = stage(gpu, scene, camera);
             let truth = stage.truth(&light, &TIES);
+            // An eye that sees nothing that could be wrong is none.
+            in_shadow += usize::from(i == 2 && truth.class.contains(&SampleClass::Counted));
             for (sum, technique) in scores.iter_mut().zip(&mut techniques) {
                 let shot = stage.shoot(gpu, &light, technique.as_mut(), 0).expect("a shot");
                 sum.add(&truth, &shot.visibility);
