@@ -178,7 +178,7 @@ fn any_split_image_gives_the_same_counts() {
                 .iter()
                 .map(|range| {
                     stage.triangles.triangles = all.triangles[range.clone()].to_vec();
-                    stage.triangles.instances = vec![0..range.len()];
+                    stage.triangles.instances = std::iter::once(0..range.len()).collect();
                     stage.meshes =
                         MeshSet::from_triangles(&gpu, &stage.triangles).expect("an object");
                     let behind = counts_of(&gpu, &stage, &light, &mut z_fail);
