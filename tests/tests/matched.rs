@@ -207,11 +207,15 @@ fn what_is_made_of_kept_pages_is_kept() {
         let moved = shoot(&gpu, stage, light, &mut technique);
         assert_eq!(moved.counters["store_texels"], texels, "{what} moves");
         let alone = shoot(&gpu, stage, light, &mut built(&gpu, &config));
-        assert_eq!(moved.visibility, alone.visibility, "{what} moves: the picture");
+        // A page may have another slot, and places in the atlas, of 1024 texels, other roundings: of 2^-15 texels, in which
+        // visibility changes by less than it would at an edge a thirtieth of a texel wide.
+        let pairs = moved.visibility.iter().zip(&alone.visibility);
+        let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off <= 1e-3, "{what} moves: {off} from the picture");
         assert_ne!(moved.visibility, fresh.visibility, "{what} moves: another picture");
         let still = shoot(&gpu, stage, light, &mut technique);
         assert_eq!(still.counters["store_texels"], 0, "{what} stands still");
-        assert_eq!(still.visibility, alone.visibility, "{what} stands still: the picture");
+        assert!(still.visibility == moved.visibility, "{what} stands still: the picture");
     }
 }
 
