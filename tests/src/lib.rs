@@ -14,6 +14,12 @@ pub fn gpu() -> Gpu {
     }
 }
 
+/// One in `of` of `all`, each time others as `turn` goes on: what takes all lights in turn sees every one of `all`, each
+/// under some of the lights. For tests in which layout and estimator, which meet at link time, need not meet all in all.
+pub fn one_in<T>(of: usize, turn: usize, all: Vec<T>) -> impl Iterator<Item = T> {
+    all.into_iter().skip(turn % of).step_by(of)
+}
+
 /// A square float image of `size` texels a side and as many channels as there are values, 1, 2 or 4, as a `D2Array` view.
 ///
 /// # Panics

@@ -10,7 +10,7 @@ use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, Tracer, TruthOptions, ViewSample};
 use antumbra_sampling::{Cascades, Lispsm, Sdsm, Select};
 use antumbra_scene::{Light, LightKind, Scene, generate};
-use antumbra_tests::gpu;
+use antumbra_tests::{gpu, one_in};
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 /// Techniques that shadow planes alone, or by bounds alone: not right on any receiver.
@@ -183,7 +183,7 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
     let (width, height) = (stage.image.width as isize, stage.image.height as isize);
     let samples = stage.view_samples();
     let wrong = scene.place_light(LightKind::Point).translated(DVec3::X);
-    for light in every_light(&scene) {
+    for (turn, light) in every_light(&scene).into_iter().enumerate() {
         let kind = light.kind();
         let light_point = hard(&light);
         let truth = stage.truth(&light_point, &TruthOptions::default());
@@ -206,7 +206,7 @@ fn every_technique_is_right_away_from_shadow_boundaries_under_every_light() {
             count(0.0),
             count(1.0)
         );
-        for config in sound_techniques(1024) {
+        for config in one_in(3, turn, sound_techniques(1024)) {
             // Soft shadows of an area light are not those of its centre.
             let shown = if config.id().starts_with("soft/") { &light_point } else { &light };
             let visibility = shoot(&gpu, &stage, shown, &config);
@@ -364,8 +364,8 @@ fn culling_saves_draws_and_changes_nothing() {
         Light::Point { position: DVec3::new(0.3, 0.5, -0.2) },
         Light::Spot { position: DVec3::ZERO, direction: DVec3::X, outer_angle: 0.6 },
     ];
-    for light in &lights {
-        for config in techniques(512).into_iter().filter(has_map) {
+    for (turn, light) in lights.iter().enumerate() {
+        for config in one_in(2, turn, techniques(512)).filter(has_map) {
             let mut shots = Vec::new();
             for cull in [true, false] {
                 stage.meshes.set_culling(cull);
@@ -415,7 +415,7 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
             .map(|i| Vec3::new((i % 16) as f32 - 8.0, 0.0, (i / 16) as f32 - 8.0))
             .collect();
         samples.write(&gpu, &positions, &[Vec3::Y; 256]).expect("lists that fit");
-        for kind in LightKind::ALL {
+        for (turn, kind) in LightKind::ALL.into_iter().enumerate() {
             let light = generate::cube_on_floor().place_light(kind);
             let frame = Frame {
                 samples: &samples,
@@ -424,7 +424,7 @@ fn without_casters_all_is_lit_and_nothing_is_allocated_or_drawn() {
                 casters: &meshes,
                 origin: meshes.origin(),
             };
-            for config in techniques(1024).into_iter().filter(has_map) {
+            for config in one_in(3, turn, techniques(1024)).filter(has_map) {
                 let mut technique = config.build(&gpu).expect("a valid config");
                 let visibility = run(&gpu, &frame, technique.as_mut());
                 assert!(visibility.iter().all(|v| *v == 1.0), "{config:?}, {kind:?}: not all lit");
@@ -446,8 +446,8 @@ fn runs_are_bit_identical_also_on_a_new_device() {
             let scene = scene();
             let stage = stage(&gpu, &scene);
             let mut all = Vec::new();
-            for light in lights(&scene) {
-                for config in every_technique(512) {
+            for (turn, light) in lights(&scene).into_iter().enumerate() {
+                for config in one_in(3, turn, every_technique(512)) {
                     let first = shoot(&gpu, &stage, &light, &config);
                     let second = shoot(&gpu, &stage, &light, &config);
                     assert!(first == second, "{config:?}, {light:?}: two runs differ");
@@ -481,8 +481,8 @@ fn a_steady_frame_allocates_nothing() {
         }
     }
     // Every technique, by its bytes.
-    for config in every_technique(512) {
-        for light in lights(&scene) {
+    for (turn, light) in lights(&scene).into_iter().enumerate() {
+        for config in one_in(3, turn, every_technique(512)) {
             let mut technique = config.build(&gpu).expect("a valid config");
             let frame = stage.frame(&light);
             run(&gpu, &frame, technique.as_mut());
@@ -493,9 +493,14 @@ fn a_steady_frame_allocates_nothing() {
     }
 }
 
-/// Number of pixels whose visibility differs by more than 1/256, at most, and the technique.
-fn differing(gpu: &Gpu, a: (&Stage, &Light), b: (&Stage, &Light)) -> (usize, &'static str) {
-    let counts = every_technique(512).into_iter().map(|config| {
+/// Number of pixels whose visibility differs by more than 1/256, at most, and the technique, one in three of all.
+fn differing(
+    gpu: &Gpu,
+    turn: usize,
+    a: (&Stage, &Light),
+    b: (&Stage, &Light),
+) -> (usize, &'static str) {
+    let counts = one_in(3, turn, every_technique(512)).map(|config| {
         let pair = shoot(gpu, a.0, a.1, &config).into_iter().zip(shoot(gpu, b.0, b.1, &config));
         (pair.filter(|(a, b)| (a - b).abs() > 1.0 / 256.0).count(), config.id())
     });
@@ -509,15 +514,15 @@ fn far_from_the_origin_masks_are_the_same() {
     let offset = DVec3::new(1e5, 0.0, 1e5);
     let (near, far) = (stage(&gpu, &scene), stage(&gpu, &scene.translated(offset)));
     assert_eq!(far.triangles.origin, offset, "the grid of origins holds the offset exactly");
-    for light in lights(&scene) {
+    for (turn, light) in lights(&scene).into_iter().enumerate() {
         let moved = light.translated(offset);
-        let (differ, id) = differing(&gpu, (&near, &light), (&far, &moved));
+        let (differ, id) = differing(&gpu, turn, (&near, &light), (&far, &moved));
         assert_eq!(differ, 0, "{id}, {light:?}: pixels differ after a move of 141 km");
     }
     // The control: a light that did not come along to the centimetre.
     let light = scene.place_light(LightKind::Point);
     let astray = light.translated(offset + 0.01 * DVec3::X);
-    let (differ, _) = differing(&gpu, (&near, &light), (&far, &astray));
+    let (differ, _) = differing(&gpu, 0, (&near, &light), (&far, &astray));
     assert!(differ > 0, "a light that is off by 1 cm goes unnoticed");
 }
 
@@ -526,11 +531,11 @@ fn masks_do_not_depend_on_the_unit_of_length() {
     let gpu = gpu();
     let scene = scene();
     let one = stage(&gpu, &scene);
-    for scale in [1e-3, 1e3] {
+    for (first, scale) in [1e-3, 1e3].into_iter().enumerate() {
         let other = stage(&gpu, &scaled(&scene, scale));
-        for light in lights(&scene) {
+        for (turn, light) in lights(&scene).into_iter().enumerate() {
             let there = (&other, &scaled_light(&light, scale));
-            let (differ, id) = differing(&gpu, (&one, &light), there);
+            let (differ, id) = differing(&gpu, first + turn, (&one, &light), there);
             // All roundings are others: the camera's raster moves by 2^-24 of the picture, and a sample within
             // as much of a shadow's or an object's edge may change sides. Of 16384 pixels, 4 may.
             assert!(differ <= 4, "{id}, {light:?} x {scale}: {differ} pixels differ");

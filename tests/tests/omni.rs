@@ -19,7 +19,7 @@ use antumbra_measure::Stage;
 use antumbra_measure::stability::Case;
 use antumbra_reference::{SampleClass, Truth, TruthOptions, ViewSample};
 use antumbra_scene::{Light, LightKind, Scene, generate};
-use antumbra_tests::gpu;
+use antumbra_tests::{gpu, one_in};
 use glam::{DAffine3, DVec2, DVec3, Vec3, Vec4};
 
 /// The layouts whose edges are where they belong.
@@ -264,10 +264,11 @@ fn hard_cases_of_point_lights_are_as_expected_in_every_layout() {
     let gpu = gpu();
     let size = 1024;
     let mut surprises = Vec::new();
-    for name in CASES_AROUND {
+    for (first, name) in CASES_AROUND.into_iter().enumerate() {
         let case = Case::by_name(name).unwrap_or_else(|| panic!("a case named {name}"));
-        for omni in Omni::ALL {
-            for config in estimators(omni, size).into_iter().take(3) {
+        for (turn, omni) in Omni::ALL.into_iter().enumerate() {
+            let three = estimators(omni, size).into_iter().take(3).collect();
+            for config in one_in(3, first + turn, three) {
                 let expected = config.expectation(name).expect("an expectation");
                 let mut technique = config.build(&gpu).expect("a valid config");
                 let measured = case.measure(&gpu, technique.as_mut(), size).expect("measured");

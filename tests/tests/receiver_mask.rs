@@ -107,14 +107,15 @@ fn from_the_street_less_than_a_third_is_drawn_of_what_is_there() {
 #[test]
 fn no_scene_shows_its_mask() {
     let gpu = gpu();
-    for name in ["hall", "tree", "grass", "leaf-card", "sphere"] {
+    let names = ["hall", "tree", "grass", "leaf-card", "sphere"];
+    for (first, name) in names.into_iter().enumerate() {
         let scene = generate::by_name(name).expect("a generated scene");
         let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 96, 96).expect("a stage");
-        for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
+        let kinds = [LightKind::Directional, LightKind::Spot, LightKind::Point];
+        for (turn, kind) in kinds.into_iter().enumerate() {
             // Cells of one texel and of two.
-            for size in [200, 512] {
-                compare(&gpu, &stage, &scene.place_light(kind), size, name);
-            }
+            let size = [200, 512][(first + turn) % 2];
+            compare(&gpu, &stage, &scene.place_light(kind), size, name);
         }
     }
 }
