@@ -86,6 +86,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::eye",
         "volume::resolve",
         "volume::triangle",
+        "volume::translucent",
         "volume::batches",
         "volume::doubtful",
         "volume::receivers",

@@ -46,6 +46,7 @@ mod soft_twins;
 mod stability;
 mod storage_factors;
 mod tables;
+mod translucent;
 mod triangles;
 mod twins;
 mod view_samples;

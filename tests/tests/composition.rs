@@ -11,6 +11,7 @@ use antumbra_reference::{SampleClass, Tracer, TruthOptions, ViewSample};
 use antumbra_sampling::{Cascades, Lispsm, Sdsm, Select};
 use antumbra_scene::{Light, LightKind, Scene, generate};
 use antumbra_tests::{gpu, one_in};
+use antumbra_volume::Translucent;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 /// Techniques that shadow planes alone, or by bounds alone: not right on any receiver.
@@ -72,7 +73,8 @@ fn inner(config: &Config) -> &Config {
     match config {
         Config::Cascades(Cascades { of, .. })
         | Config::Sdsm(Sdsm { of, .. })
-        | Config::Lispsm(Lispsm { of, .. }) => inner(of),
+        | Config::Lispsm(Lispsm { of, .. })
+        | Config::Translucent(Translucent { of }) => inner(of),
         other => other,
     }
 }

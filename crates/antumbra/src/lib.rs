@@ -258,6 +258,9 @@ techniques! {
     #[cfg(feature = "volume")]
     /// Shadow volumes of whole meshes, bounded by their silhouettes.
     VolumeSilhouette(antumbra_volume::Silhouette) = "volume/silhouette",
+    #[cfg(feature = "volume")]
+    /// Translucent casters over any other technique.
+    Translucent(antumbra_volume::Translucent<Box<Config>>) = "volume/translucent",
 }
 
 impl Config {

@@ -44,7 +44,8 @@ pub use sat::{Sat, SatNumbers, SatShader, sat_rounding};
 pub use scan::Scan;
 pub use technique::{
     CasterBody, CasterClusters, CasterTriangles, Casters, Counters, Drawn, Frame, LightView,
-    ListedTriangles, Technique, TechniqueConfig, ViewCamera, check_light, light_view_layout,
+    ListedTriangles, Technique, TechniqueConfig, TranslucentTriangles, ViewCamera, check_light,
+    light_view_layout,
 };
 
 pub use wgpu;

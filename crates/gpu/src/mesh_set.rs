@@ -3,6 +3,8 @@
 mod cutouts;
 mod parts;
 mod pipelines;
+mod sheets;
+mod textures;
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -13,11 +15,13 @@ use glam::{DVec3, DVec4, Vec3, Vec4};
 use crate::record::depth_attachment;
 use crate::{
     CasterBody, CasterClusters, CasterEdges, CasterTriangles, Casters, Drawn, Edges, Gpu, GpuError,
-    LightView, ListedTriangles, Recorder, ViewCamera, ViewSamples, bind, read_buffer,
+    LightView, ListedTriangles, Recorder, TranslucentTriangles, ViewCamera, ViewSamples, bind,
+    read_buffer,
 };
 use cutouts::Cutouts;
 use parts::{Part, cluster_records, objects, parts};
 use pipelines::{depth_pipeline, samples_layout, samples_pipeline};
+use sheets::Sheets;
 
 /// The triangles of a scene on the GPU.
 #[derive(Debug)]
@@ -33,6 +37,8 @@ pub struct MeshSet {
     samples: wgpu::RenderPipeline,
     /// What it takes to draw triangles with holes, where there are any.
     cutouts: Option<Cutouts>,
+    /// What lets light through, where there is any: neither drawn nor seen.
+    sheets: Option<Sheets>,
     camera: wgpu::Buffer,
     camera_group: wgpu::BindGroup,
     cull: bool,
@@ -70,7 +76,7 @@ impl MeshSet {
     /// buffer and can be culled together.
     ///
     /// # Errors
-    /// A position that is not finite, an index out of range, a cut-out without its data, or more data than the device
+    /// A position that is not finite, an index out of range, a cut-out or opacity without its data, or more data than the device
     /// takes in one buffer.
     pub fn from_triangles(gpu: &Gpu, triangles: &Triangles) -> Result<Self, GpuError> {
         let device = &gpu.device;
@@ -112,6 +118,8 @@ impl MeshSet {
             bytemuck::cast_slice(&triangles.positions),
             wgpu::BufferUsages::VERTEX,
         );
+        let sheets = Sheets::new(gpu, triangles)?;
+        let triangles = &*triangles.opaque();
         let samples_layout = samples_layout(gpu);
         let cutouts = Cutouts::new(gpu, triangles, &samples_layout)?;
         let (parts, order) = parts(triangles);
@@ -148,6 +156,7 @@ impl MeshSet {
             depth: depth_pipeline(gpu, None)?,
             samples: samples_pipeline(gpu, &samples_layout, None)?,
             cutouts,
+            sheets,
             camera,
             camera_group,
             cull: true,
@@ -328,6 +337,10 @@ impl Casters for MeshSet {
             vertices: self.vertices,
             triangles: self.triangles,
         })
+    }
+
+    fn translucent(&self) -> Option<TranslucentTriangles<'_>> {
+        self.sheets.as_ref().map(|sheets| sheets.triangles(&self.positions, self.vertices))
     }
 
     fn edges(&self, gpu: &Gpu) -> Result<Option<&CasterEdges>, GpuError> {

@@ -137,6 +137,18 @@ pub mod entries {
         let access = wgpu::StorageTextureAccess::WriteOnly;
         entry(binding, stages, BindingType::StorageTexture { access, format, view_dimension })
     }
+
+    /// A storage texture that is read and written; of format `R32Float`, `R32Uint` or `R32Sint`.
+    #[must_use]
+    pub fn read_write_texture(
+        binding: u32,
+        stages: ShaderStages,
+        format: TextureFormat,
+    ) -> BindGroupLayoutEntry {
+        let access = wgpu::StorageTextureAccess::ReadWrite;
+        let view_dimension = TextureViewDimension::D2;
+        entry(binding, stages, BindingType::StorageTexture { access, format, view_dimension })
+    }
 }
 
 /// A bind group that is kept as long as the resources in it stay the same, so that a steady frame

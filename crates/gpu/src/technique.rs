@@ -186,6 +186,12 @@ pub trait Casters {
         None
     }
 
+    /// The casters that let a part of the light through, or `None`, as by default, where there are none. All other answers
+    /// are of opaque casters alone, and view samples are to lie on those.
+    fn translucent(&self) -> Option<TranslucentTriangles<'_>> {
+        None
+    }
+
     /// The edges of [`Casters::triangles`], for techniques that extrude silhouettes: [`CasterEdges`] made once
     /// and kept as long as the indices stay the same. `None` where nobody made them: such techniques then refuse.
     ///
@@ -299,6 +305,20 @@ pub struct CasterTriangles<'a> {
     pub vertices: u32,
     /// Number of triangles.
     pub triangles: u32,
+}
+
+/// The triangles of translucent casters, with their textures.
+#[derive(Clone, Copy, Debug)]
+pub struct TranslucentTriangles<'a> {
+    /// The triangles.
+    pub triangles: CasterTriangles<'a>,
+    /// Three words a vertex: its texture coordinates (`f32`) and the number of its triangles' texture. Usage `STORAGE`.
+    pub coordinates: &'a wgpu::Buffer,
+    /// Textures as `Cutout` of `gpu/cutout.wesl` has them; in place of the cutoff what alpha in [0, 1] is multiplied by.
+    /// Usage `STORAGE`.
+    pub textures: &'a wgpu::Buffer,
+    /// Alpha in 1/255, four texels a word. Usage `STORAGE`.
+    pub texels: &'a wgpu::Buffer,
 }
 
 /// Layout of [`LightView::bind_group`]: binding 0, a `mat4x4f` uniform with a dynamic offset, seen by

@@ -16,6 +16,7 @@ mod edge;
 mod known;
 mod line;
 mod motion;
+mod panes;
 mod sampled;
 mod seams;
 mod seen;
@@ -392,6 +393,12 @@ pub const CASES: &[Case] = &[
         about: "the same with squares of a texel: half of the light comes through",
         number: "distance of the mean visibility from a half",
         measure: cutout::mean,
+    },
+    Case {
+        name: "HC-36 panes",
+        about: "one to ten sheets that each halve the light, and one that lets a thousandth through",
+        number: "largest distance of visibility from what the sheets let through",
+        measure: |gpu, technique, _| panes::below(gpu, technique),
     },
     Case {
         name: "HC-38 depth along a long edge",

@@ -114,18 +114,24 @@ impl Cutout {
     /// # Errors
     /// Says what does not fit.
     pub fn validate(&self, mesh: &Mesh) -> Result<(), MeshError> {
-        let fault = if self.uv.len() != mesh.positions.len() {
-            "needs as many texture coordinates as the mesh has vertices"
-        } else if !self.uv.iter().all(|uv| uv.is_finite()) {
-            "has texture coordinates that are not finite"
-        } else if !self.cutoff.is_finite() {
-            "has a cutoff that is not finite"
-        } else if !self.alpha.is_valid() {
-            "needs a texture of 1 to 16384 texels a side, and as many texels as that makes"
-        } else {
-            return Ok(());
-        };
-        Err(MeshError::Cutout { mesh: mesh.name.clone(), fault })
+        let cutoff = (!self.cutoff.is_finite()).then_some("has a cutoff that is not finite");
+        match fault(&self.uv, &self.alpha, mesh).or(cutoff) {
+            Some(fault) => Err(MeshError::Cutout { mesh: mesh.name.clone(), fault }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What is wrong with a texture on a mesh.
+pub(crate) fn fault(uv: &[Vec2], alpha: &AlphaMap, mesh: &Mesh) -> Option<&'static str> {
+    if uv.len() != mesh.positions.len() {
+        Some("needs as many texture coordinates as the mesh has vertices")
+    } else if !uv.iter().all(|uv| uv.is_finite()) {
+        Some("has texture coordinates that are not finite")
+    } else if !alpha.is_valid() {
+        Some("needs a texture of 1 to 16384 texels a side, and as many texels as that makes")
+    } else {
+        None
     }
 }
 

@@ -44,6 +44,22 @@ pub enum MeshError {
         /// Number of meshes of the scene.
         meshes: usize,
     },
+    /// An opacity does not fit its mesh.
+    #[error("mesh `{mesh}`: its opacity {fault}")]
+    Opacity {
+        /// The mesh's name.
+        mesh: String,
+        /// What it has or lacks.
+        fault: &'static str,
+    },
+    /// An opacity is that of a mesh that does not exist.
+    #[error("an opacity is that of mesh {mesh} of {meshes}")]
+    OpacityOfNothing {
+        /// The mesh index it gives.
+        mesh: usize,
+        /// Number of meshes of the scene.
+        meshes: usize,
+    },
     /// An instance refers to a mesh that does not exist.
     #[error("instance `{instance}` refers to mesh {mesh} of {meshes}")]
     NoSuchMesh {

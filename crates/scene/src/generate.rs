@@ -9,6 +9,7 @@ mod basic;
 mod built;
 mod cut;
 mod nature;
+mod panes;
 mod random;
 pub mod shapes;
 mod thin;
@@ -26,13 +27,14 @@ pub use basic::{
 pub use built::{hall, street};
 pub use cut::{LeafCard, checker_card, leaf_card};
 pub use nature::{Grass, Hair, Terrain, Tree, grass, hair, terrain, tree};
+pub use panes::{PANES, panes, stained_glass};
 pub use thin::{THICKNESSES, ThinCasters, fence, wires};
 pub use topology::{moebius, non_manifold, pages, poles, t_junction, two_storeys, unorientable};
 
 /// A scene's name, the function that makes it, and what it tests.
 pub type Entry = (&'static str, fn() -> Scene, &'static str);
 
-/// All generated scenes but the convex ones and those with holes.
+/// All generated scenes but the convex ones, those with holes and those that let light through.
 pub const ALL: &[Entry] = &[
     (
         "half-plane",
@@ -117,10 +119,16 @@ pub const CUT_OUT: &[Entry] = &[
     ),
 ];
 
-/// The scene of that name, of [`ALL`], [`CONVEX`] or [`CUT_OUT`].
+/// Casters that let a part of the light through, which `volume/translucent` alone looks for.
+pub const TRANSLUCENT: &[Entry] = &[
+    ("panes", panes, "HC-36: one to ten sheets that each halve the light"),
+    ("stained-glass", stained_glass, "a window of many opacities; a ball and a bottle behind it"),
+];
+
+/// The scene of that name, of [`ALL`], [`CONVEX`], [`CUT_OUT`] or [`TRANSLUCENT`].
 #[must_use]
 pub fn by_name(name: &str) -> Option<Scene> {
-    let mut entries = ALL.iter().chain(CONVEX).chain(CUT_OUT);
+    let mut entries = ALL.iter().chain(CONVEX).chain(CUT_OUT).chain(TRANSLUCENT);
     entries.find(|entry| entry.0 == name).map(|entry| (entry.1)())
 }
 

@@ -33,6 +33,7 @@ pub mod generate;
 mod light;
 mod load;
 mod mesh;
+mod opacity;
 mod scene;
 
 pub use camera::Camera;
@@ -41,4 +42,5 @@ pub use error::{LoadError, MeshError};
 pub use light::{Light, LightKind};
 pub use load::{LoadOptions, REACH, Repairs, load};
 pub use mesh::{Bounds, Mesh};
+pub use opacity::{Opacities, Opacity, TranslucentInstance};
 pub use scene::{Instance, Scene, Triangles};

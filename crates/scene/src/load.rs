@@ -11,13 +11,14 @@ mod gltf_file;
 mod obj_file;
 mod toml_file;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::DAffine3;
 
-use crate::{Bounds, Cutout, LoadError, Mesh, MeshError, Scene};
+use crate::{Bounds, Cutout, LoadError, Mesh, MeshError, Opacity, Scene};
 
 /// The largest coordinate that a loaded scene may have, metres.
 ///
@@ -57,8 +58,8 @@ pub struct Repairs {
     pub ignored_cameras: usize,
     /// Lights left out because of impossible numbers.
     pub ignored_lights: usize,
-    /// glTF primitives taken as whole though their material cuts holes into them: its texture or its texture
-    /// coordinates are missing or cannot be read.
+    /// glTF primitives taken as whole though their material cuts holes into them or lets light through: its texture or its
+    /// texture coordinates are missing or cannot be read.
     pub opaque_materials: usize,
 }
 
@@ -78,7 +79,7 @@ impl fmt::Display for Repairs {
             (self.skipped_primitives, "primitives without triangles skipped"),
             (self.ignored_cameras, "cameras ignored"),
             (self.ignored_lights, "lights ignored"),
-            (self.opaque_materials, "cut-out surfaces taken as whole"),
+            (self.opaque_materials, "cut-out or translucent surfaces taken as whole"),
         ];
         let some: Vec<String> =
             all.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
@@ -92,8 +93,8 @@ impl fmt::Display for Repairs {
 /// glTF: the default scene, or else the first, or else all root nodes; the mesh of several nodes
 /// becomes several instances; triangles, strips and fans, indexed or not; sparse and quantised
 /// positions; perspective cameras; `KHR_lights_punctual`. Skins and morph targets stay at rest;
-/// of materials only what cuts holes counts (`alphaMode` MASK, by the alpha of the base colour's factor and texture,
-/// PNG, with `KHR_texture_transform`).
+/// of materials only alpha counts, that of the base colour's factor and texture (PNG, with `KHR_texture_transform`):
+/// what cuts holes (`alphaMode` MASK) and what lets light through (BLEND).
 ///
 /// OBJ: `v`, `f` and `o` lines; each `o` begins a mesh; a polygon becomes the fan around its first
 /// corner, which is exact where it is convex and flat.
@@ -187,7 +188,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
 /// Gives every instance whose transform has no inverse a flattened mesh of its own, because which of
 /// its triangles keep an area depends on the transform.
 fn flatten_singular(scene: &mut Scene, repairs: &mut Repairs) {
-    let Scene { meshes, instances, cutouts, .. } = scene;
+    let Scene { meshes, instances, cutouts, opacities, .. } = scene;
     instances.retain_mut(|instance| {
         let Some(mesh) = meshes.get(instance.mesh) else {
             return false;
@@ -200,19 +201,26 @@ fn flatten_singular(scene: &mut Scene, repairs: &mut Repairs) {
         let positions: Vec<_> =
             mesh.positions.iter().map(|p| (m * p.as_dvec3()).as_vec3()).collect();
         let cutout = cutouts.get(&instance.mesh).cloned();
+        let opacity = opacities.get(&instance.mesh).cloned();
+        let uv = cutout.as_ref().map(|cutout| cutout.uv.as_slice());
+        let uv = uv.or(opacity.as_ref().map(|opacity| opacity.uv.as_slice()));
         let flat = clean::clean_with_uv(
             mesh.name.clone(),
             clean::Source::Welded(&positions),
-            cutout.as_ref().map(|cutout| cutout.uv.as_slice()),
+            uv,
             mesh.triangles.iter().copied(),
             repairs,
         );
         let Ok((flat, uv)) = flat else {
             return false;
         };
-        if let (Some(cutout), Some(uv)) = (cutout, uv) {
-            let flat = Cutout { uv, alpha: cutout.alpha.clone(), cutoff: cutout.cutoff };
+        if let (Some(cutout), Some(uv)) = (&cutout, &uv) {
+            let flat = Cutout { uv: uv.clone(), ..(**cutout).clone() };
             cutouts.insert(meshes.len(), Arc::new(flat));
+        }
+        if let (Some(opacity), Some(uv)) = (opacity, uv) {
+            let flat = Opacity { uv, ..(*opacity).clone() };
+            opacities.insert(meshes.len(), Arc::new(flat));
         }
         instance.mesh = meshes.len();
         instance.transform = DAffine3::from_translation(instance.transform.translation);
@@ -240,13 +248,16 @@ fn drop_unused_meshes(scene: &mut Scene) {
     for instance in &mut scene.instances {
         instance.mesh = renumbered[instance.mesh];
     }
-    let cutouts = std::mem::take(&mut scene.cutouts).into_iter();
-    scene.cutouts = cutouts
-        .filter(|(mesh, _)| used[*mesh])
-        .map(|(mesh, cut)| (renumbered[mesh], cut))
-        .collect();
+    scene.cutouts = renumber(std::mem::take(&mut scene.cutouts), &used, &renumbered);
+    scene.opacities = renumber(std::mem::take(&mut scene.opacities), &used, &renumbered);
     let mut used = used.iter();
     scene.meshes.retain(|_| used.next() == Some(&true));
+}
+
+/// What `used` meshes have, by their new numbers.
+fn renumber<T>(of: BTreeMap<usize, T>, used: &[bool], renumbered: &[usize]) -> BTreeMap<usize, T> {
+    let kept = of.into_iter().filter(|(mesh, _)| used[*mesh]);
+    kept.map(|(mesh, value)| (renumbered[mesh], value)).collect()
 }
 
 /// Checks what no single mesh can know: that there are triangles, not too many, none too far out.

@@ -1,10 +1,13 @@
 //! A scene: meshes placed in a world, with a camera and lights.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use crate::{Bounds, Camera, CutInstance, Cutouts, Light, Mesh, MeshError};
+use crate::{
+    Bounds, Camera, CutInstance, Cutouts, Light, Mesh, MeshError, Opacities, TranslucentInstance,
+};
 
 /// A mesh placed in the world.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +29,9 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Those meshes of which only a part is there, by their index into [`Scene::meshes`].
     pub cutouts: Cutouts,
+    /// Those meshes that let a part of the light through, by their index into [`Scene::meshes`]. One that is among
+    /// [`Scene::cutouts`] too counts as translucent alone.
+    pub opacities: Opacities,
     /// Meshes placed in the world.
     pub instances: Vec<Instance>,
     /// The camera, where the scene brings one.
@@ -50,6 +56,8 @@ pub struct Triangles {
     pub instances: Vec<std::ops::Range<usize>>,
     /// The instances of which only a part is there, in their order.
     pub cuts: Vec<CutInstance>,
+    /// The instances that let a part of the light through, in their order.
+    pub translucent: Vec<TranslucentInstance>,
 }
 
 impl Scene {
@@ -132,7 +140,7 @@ impl Scene {
     /// All triangles relative to `origin` (world space, metres).
     ///
     /// # Errors
-    /// A mesh that fails [`Mesh::validate`], a cut-out that does not fit its mesh, an instance of a mesh that does not exist, a vertex
+    /// A mesh that fails [`Mesh::validate`], a cut-out or opacity that does not fit its mesh, an instance of a mesh that does not exist, a vertex
     /// whose place relative to `origin` is no finite `f32`, or more than `u32::MAX` vertices.
     pub fn triangles(&self, origin: DVec3) -> Result<Triangles, MeshError> {
         for mesh in &self.meshes {
@@ -142,6 +150,11 @@ impl Scene {
             let meshes = self.meshes.len();
             let fault = MeshError::CutoutOfNothing { mesh, meshes };
             cutout.validate(self.meshes.get(mesh).ok_or(fault)?)?;
+        }
+        for (&mesh, opacity) in &self.opacities {
+            let meshes = self.meshes.len();
+            let fault = MeshError::OpacityOfNothing { mesh, meshes };
+            opacity.validate(self.meshes.get(mesh).ok_or(fault)?)?;
         }
         let mut out = Triangles { origin, ..Triangles::default() };
         for instance in &self.instances {
@@ -154,9 +167,16 @@ impl Scene {
             // The last vertex must have a 32-bit index; so then have all below it.
             u32::try_from(first_vertex + mesh.positions.len()).map_err(|_| MeshError::TooLarge)?;
             let base = first_vertex as u32;
-            if let Some(cutout) = self.cutouts.get(&instance.mesh) {
+            let number = out.instances.len();
+            if let Some(opacity) = self.opacities.get(&instance.mesh) {
+                out.translucent.push(TranslucentInstance {
+                    instance: number,
+                    first_vertex: base,
+                    opacity: opacity.clone(),
+                });
+            } else if let Some(cutout) = self.cutouts.get(&instance.mesh) {
                 out.cuts.push(CutInstance {
-                    instance: out.instances.len(),
+                    instance: number,
                     first_vertex: base,
                     cutout: cutout.clone(),
                 });
@@ -176,6 +196,31 @@ impl Scene {
 }
 
 impl Triangles {
+    /// What hides the light where it is: the triangles without those that let a part of it through, whose instances keep
+    /// their numbers and have none.
+    #[must_use]
+    pub fn opaque(&self) -> Cow<'_, Self> {
+        if self.translucent.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let mut keeps = vec![true; self.instances.len()];
+        self.translucent.iter().for_each(|t| keeps[t.instance] = false);
+        let mut opaque = Self {
+            triangles: Vec::new(),
+            instances: Vec::new(),
+            translucent: Vec::new(),
+            ..self.clone()
+        };
+        for (range, keep) in self.instances.iter().zip(keeps) {
+            let first = opaque.triangles.len();
+            if keep {
+                opaque.triangles.extend_from_slice(&self.triangles[range.clone()]);
+            }
+            opaque.instances.push(first..opaque.triangles.len());
+        }
+        Cow::Owned(opaque)
+    }
+
     /// Writes the triangles as a Wavefront OBJ file in world space, one object for each instance, all of them whole.
     ///
     /// Coordinates are `origin` plus position in `f64`, in the shortest decimal form that reads

@@ -98,6 +98,33 @@ pub fn count(light: DVec4, triangles: impl IntoIterator<Item = [DVec3; 3]>, p: D
     volumes.filter(|volume| volume.contains(p)).count()
 }
 
+/// Steps of a power of two in `volume/translucent.wesl`.
+const STEPS: f32 = 1_048_576.0;
+/// As many powers of two leave nothing.
+const DARK: u32 = 32 << 20;
+
+/// How many powers of two of the light an opacity in [0, 1] keeps, in steps of 2^-20; at most 32 of them, which is all. The
+/// twin of `powers_kept`.
+#[must_use]
+pub fn powers_kept(opacity: f32) -> u32 {
+    let through = 1.0 - opacity;
+    if through <= 0.0 {
+        DARK
+    } else {
+        ((-through.log2() * STEPS).round().max(0.0) as u32).min(DARK)
+    }
+}
+
+/// What so many steps leave of the light. The twin of `left_by`.
+#[must_use]
+pub fn light_left(powers: u32) -> f32 {
+    if powers >= DARK {
+        return 0.0;
+    }
+    let part = (powers & (STEPS as u32 - 1)) as f32 / STEPS;
+    (-part).exp2() * (-((powers >> 20) as f32)).exp2()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

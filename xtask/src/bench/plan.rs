@@ -119,7 +119,7 @@ impl Plan {
 /// Prints every scene, light and technique there is.
 pub(super) fn list() {
     println!("Scenes (or any .glb, .gltf, .obj, .toml file):");
-    for (name, _, about) in generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT) {
+    for (name, _, about) in generated() {
         println!("  {name:<24} {about}");
     }
     println!("Lights:");
@@ -129,6 +129,12 @@ pub(super) fn list() {
         let mark = if belongs(&entry, Suite::Quick) { "*" } else { " " };
         println!(" {mark}{}", entry.name);
     }
+}
+
+/// All generated scenes.
+fn generated() -> impl Iterator<Item = &'static generate::Entry> {
+    use generate::{ALL, CONVEX, CUT_OUT, TRANSLUCENT};
+    ALL.iter().chain(CONVEX).chain(CUT_OUT).chain(TRANSLUCENT)
 }
 
 /// Every technique: the published defaults first, then the variants that the full suite adds.
@@ -313,7 +319,7 @@ fn open_scene(name: &str, ground: bool) -> anyhow::Result<(Scene, String)> {
             (scene, stem.into_owned())
         }
         None => {
-            let all = generate::ALL.iter().chain(generate::CONVEX).chain(generate::CUT_OUT);
+            let all = generated();
             let names: Vec<_> = all.map(|(name, ..)| *name).collect();
             bail!(
                 "no scene `{name}`; name a .glb, .gltf, .obj or .toml file, or one of: {}",

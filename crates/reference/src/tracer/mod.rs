@@ -3,6 +3,7 @@
 mod build;
 mod cut;
 mod lanes;
+mod sheets;
 mod traverse;
 
 use antumbra_scene::Triangles;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 #[cfg(target_arch = "x86_64")]
 use lanes::Avx2;
 use lanes::Portable;
+use sheets::{Sheets, Through};
 pub(crate) use traverse::U;
 use traverse::Visitor;
 
@@ -48,6 +50,14 @@ pub enum TraceError {
         /// Index of the first such triangle, or 0 where an instance or the whole texture is missing.
         triangle: usize,
     },
+    /// A translucent surface has no texture, or not one texture coordinate for each vertex of its triangles.
+    #[error(
+        "triangle {triangle}: its opacity lacks a texture or texture coordinates; check it by `Opacity::validate`"
+    )]
+    Opacity {
+        /// Index of the first such triangle, or 0 where an instance or the whole texture is missing.
+        triangle: usize,
+    },
     /// More than 2^30 triangles.
     #[error("more than 1073741824 triangles; split the scene")]
     TooMany,
@@ -76,7 +86,8 @@ pub struct Hit {
 
 /// Triangles in a tree, ready to be asked whether they block a ray.
 ///
-/// Both sides of a triangle block, and of a cut-out what is there of it. Neighbours that share an edge or a vertex leave no gap between
+/// Both sides of a triangle block, and of a cut-out what is there of it; translucent ones do not block, and have a say in
+/// [`Tracer::transmittance`] and [`Tracer::truth`] alone. Neighbours that share an edge or a vertex leave no gap between
 /// them for any ray. Answers depend on the triangles and the ray alone: not on the processor, the
 /// number of threads or the shape of the tree.
 #[derive(Clone)]
@@ -84,6 +95,8 @@ pub struct Tracer {
     tree: build::Tree,
     /// Triangles with holes, where there are any.
     cuts: Option<Cuts>,
+    /// Triangles that let light through, where there are any, in a tree of their own.
+    sheets: Option<Sheets>,
     /// [`Triangles::origin`].
     origin: DVec3,
     /// Largest absolute coordinate of a triangle, metres.
@@ -126,9 +139,12 @@ impl Tracer {
             }
         }
         let empty = triangles.triangles.is_empty();
+        let sheets = Sheets::new(triangles)?;
+        let opaque = triangles.opaque();
         Ok(Self {
-            tree: build::build(triangles),
-            cuts: Cuts::new(triangles)?,
+            tree: build::build(&opaque),
+            cuts: Cuts::new(&opaque)?,
+            sheets,
             origin: triangles.origin,
             extent: if empty { 0.0 } else { low.abs().max(high.abs()).max_element() },
             radius: if empty { 0.0 } else { 0.5 * (high - low).length() },
@@ -184,6 +200,29 @@ impl Tracer {
         }
     }
 
+    /// The share of the light, in [0, 1], that gets along such a segment: 0 where it is occluded, else what all
+    /// translucent triangles on it together let through (their product, Eisemann, Schwarz, Assarsson, Wimmer 2011,
+    /// section 2.5). At an edge between two of them, which rounding may take for both, it may be too little.
+    #[must_use]
+    pub fn transmittance(&self, ray: &Ray) -> f64 {
+        if self.occluded(ray.origin, ray.direction, ray.t_max) { 0.0 } else { self.through(ray) }
+    }
+
+    /// What translucent triangles let through.
+    #[inline]
+    pub(crate) fn through(&self, ray: &Ray) -> f64 {
+        self.sheets.as_ref().map_or(1.0, |sheets| {
+            let mut through = Through::new(sheets);
+            traverse::one::<Portable, _>(&sheets.tree, ray, self.extent, &mut through);
+            through.share
+        })
+    }
+
+    /// Whether some triangles let light through.
+    pub(crate) fn has_sheets(&self) -> bool {
+        self.sheets.is_some()
+    }
+
     /// [`Tracer::occluded`] for many rays, on all cores. An eighth faster than one ray after the other,
     /// on each of them.
     #[must_use]
@@ -217,7 +256,7 @@ impl Tracer {
         }
     }
 
-    /// The first triangle that a ray meets. Slower than [`Tracer::occluded`]: meant for finding the
+    /// The first triangle that a ray meets, by its number in the list that [`Triangles::opaque`] gives. Slower than [`Tracer::occluded`]: meant for finding the
     /// points that a camera sees, not for shadows.
     #[must_use]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
@@ -326,7 +365,7 @@ impl<S: Surface> Visitor for Any<S> {
     fn surface(&self) -> S {
         self.0
     }
-    fn meet(&mut self, _: u32, _: f64) -> f32 {
+    fn meet(&mut self, _: u32, _: f64, _: [f64; 3]) -> f32 {
         0.0
     }
 }
@@ -345,7 +384,7 @@ impl<S: Surface> Visitor for Closest<S> {
     fn surface(&self) -> S {
         self.surface
     }
-    fn meet(&mut self, triangle: u32, depth: f64) -> f32 {
+    fn meet(&mut self, triangle: u32, depth: f64, _: [f64; 3]) -> f32 {
         if (depth, triangle) < (self.depth, self.triangle) {
             (self.depth, self.triangle) = (depth, triangle);
         }

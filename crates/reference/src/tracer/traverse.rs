@@ -110,9 +110,12 @@ impl Prepared {
 
 /// What to do with the triangles met.
 pub(super) trait Visitor {
-    /// A triangle met at `depth` (z, exact to `f32`); returns the depth up to which to go on, or 0 to
-    /// end. Only called if [`Visitor::DEPTHS`].
-    fn meet(&mut self, triangle: u32, depth: f64) -> f32;
+    /// Told before anything is met: the ray's end as a depth.
+    #[inline(always)]
+    fn begin(&mut self, _end: f32) {}
+    /// A triangle met at `depth` (z, exact to `f32`), at the mean of its corners with these weights, whose sum is not 0;
+    /// returns the depth up to which to go on, or 0 to end. Only called if [`Visitor::DEPTHS`].
+    fn meet(&mut self, triangle: u32, depth: f64, weights: [f64; 3]) -> f32;
     /// Whether triangles and depths matter, and not only that something was met.
     const DEPTHS: bool;
     /// Whether triangles have holes.
@@ -183,6 +186,7 @@ fn descend<L: Lanes, V: Visitor>(
     let near_offset = ray.near_offset.map(L::splat);
     let far_offset = ray.far_offset.map(L::splat);
     let mut depth = ray.depth;
+    visitor.begin(depth);
     let mut found = false;
     let mut used = 0;
     let mut current = 0;
@@ -241,7 +245,7 @@ fn descend<L: Lanes, V: Visitor>(
                         return true;
                     }
                     found = true;
-                    depth = visitor.meet(packet.triangles[lane], z);
+                    depth = visitor.meet(packet.triangles[lane], z, weights);
                     if depth <= 0.0 {
                         return true;
                     }

@@ -7,7 +7,10 @@ use super::*;
 use crate::{Bounds, Light, LightKind, Mesh};
 
 /// Meshes of the generated scenes that are sheets by intent; all others must be closed.
-const SHEETS: [&str; 14] = [
+const SHEETS: [&str; 17] = [
+    "pane",
+    "dark pane",
+    "window",
     "card",
     "floor",
     "ground",
@@ -25,7 +28,7 @@ const SHEETS: [&str; 14] = [
 ];
 
 fn entries() -> impl Iterator<Item = &'static Entry> {
-    ALL.iter().chain(CONVEX).chain(CUT_OUT)
+    ALL.iter().chain(CONVEX).chain(CUT_OUT).chain(TRANSLUCENT)
 }
 
 /// Whether every edge is shared by exactly two triangles, in opposite directions.

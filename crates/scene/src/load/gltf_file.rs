@@ -20,10 +20,10 @@ use serde_json::Value;
 
 use super::clean::{Source, clean_with_uv};
 use super::{LoadOptions, Repairs, read_file, unreadable};
-use crate::{Camera, Cutout, Instance, Light, LoadError, Mesh, Scene};
+use crate::{Camera, Instance, Light, LoadError, Mesh, Scene};
 use accessor::Accessors;
 use buffers::Buffers;
-use mask::Masks;
+use mask::{Masks, Surface};
 
 pub(super) fn load(
     path: &Path,
@@ -245,13 +245,20 @@ impl Reader<'_> {
                 1 => name.clone(),
                 _ => format!("{name}.{number}"),
             };
-            let Some((mesh, cutout)) = self.primitive(name, primitive, (index, number))? else {
+            let Some((mesh, surface)) = self.primitive(name, primitive, (index, number))? else {
                 continue;
             };
             if !mesh.triangles.is_empty() {
                 made.push(self.scene.meshes.len());
-                if let Some(cutout) = cutout {
-                    self.scene.cutouts.insert(self.scene.meshes.len(), Arc::new(cutout));
+                let number = self.scene.meshes.len();
+                match surface {
+                    Surface::Whole => {}
+                    Surface::Cut(cutout) => {
+                        self.scene.cutouts.insert(number, Arc::new(cutout));
+                    }
+                    Surface::Translucent(opacity) => {
+                        self.scene.opacities.insert(number, Arc::new(opacity));
+                    }
                 }
                 self.scene.meshes.push(mesh);
             }
@@ -265,7 +272,7 @@ impl Reader<'_> {
         name: String,
         primitive: &Primitive,
         number: (usize, usize),
-    ) -> Result<Option<(Mesh, Option<Cutout>)>, LoadError> {
+    ) -> Result<Option<(Mesh, Surface)>, LoadError> {
         let in_mesh = |reason: String| format!("mesh `{name}`: {reason}");
         let Checked::Valid(mode) = primitive.mode else {
             return Err(self.fault(in_mesh("has a primitive of unknown mode".to_owned())));
@@ -309,20 +316,20 @@ impl Reader<'_> {
         let (mesh, uv) =
             clean_with_uv(name, source(positions), uv.as_deref(), triangles, self.repairs)
                 .map_err(|source| LoadError::Mesh { path: self.path.to_owned(), source })?;
-        let cutout = match (self.masks.of(number.0, number.1).cloned(), uv) {
+        let surface = match (self.masks.of(number.0, number.1).cloned(), uv) {
             (Some(mask), Some(uv)) => {
-                let made = self.masks.cutout(&mask, &uv, &mut self.accessors);
+                let made = self.masks.surface(&mask, &uv, &mut self.accessors);
                 made.unwrap_or_else(|_| {
                     self.repairs.opaque_materials += 1;
-                    None
+                    Surface::Whole
                 })
             }
-            _ => None,
+            _ => Surface::Whole,
         };
-        Ok(Some((mesh, cutout)))
+        Ok(Some((mesh, surface)))
     }
 
-    /// The texture coordinates by which a primitive is cut out: those of its vertices, of which there are `count`; all
+    /// The texture coordinates by which a primitive is cut out or translucent: those of its vertices, of which there are `count`; all
     /// zero for a mask without a texture; `None` where it is not, or where they are of no use.
     fn texture_coordinates(
         &mut self,

@@ -157,6 +157,7 @@ fn add_file(
         let base = scene.meshes.len();
         scene.meshes.extend(part.meshes);
         scene.cutouts.extend(part.cutouts.into_iter().map(|(mesh, cut)| (mesh + base, cut)));
+        scene.opacities.extend(part.opacities.into_iter().map(|(mesh, o)| (mesh + base, o)));
         let moved = part.instances.into_iter().map(|i| Instance { mesh: i.mesh + base, ..i });
         known.insert(file.clone(), moved.collect());
     }

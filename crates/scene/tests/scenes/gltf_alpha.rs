@@ -96,7 +96,7 @@ fn texture_coordinates_are_moved_as_the_material_says() {
 fn what_is_whole_or_of_another_mode_has_no_cut_out() {
     for whole in [
         format!(r#"{{"alphaMode": "OPAQUE", "pbrMetallicRoughness": {{{TEXTURE}}}}}"#),
-        format!(r#"{{"alphaMode": "BLEND", "pbrMetallicRoughness": {{{TEXTURE}}}}}"#),
+        r#"{"alphaMode": "BLEND"}"#.to_owned(),
         format!(
             r#"{{"alphaMode": "MASK", "alphaCutoff": 0, "pbrMetallicRoughness": {{{TEXTURE}}}}}"#
         ),
@@ -110,6 +110,31 @@ fn what_is_whole_or_of_another_mode_has_no_cut_out() {
         r#"{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0]}}"#;
     let gone = cutout(gone).expect("a cut-out");
     assert!(!gone.is_there(Vec2::splat(0.5)), "nothing is there");
+}
+
+#[test]
+fn what_blends_lets_light_through() {
+    let textures = r#"{"source": 0, "sampler": 0}"#;
+    let blend = format!(
+        r#"{{"alphaMode": "BLEND", "pbrMetallicRoughness":
+            {{{TEXTURE}, "baseColorFactor": [1, 1, 1, 0.8]}}}}"#
+    );
+    let opacity = |material: &str| {
+        let (scene, repairs) = load(material, textures);
+        assert!(repairs.is_empty() && scene.cutouts.is_empty(), "{material}: {repairs}");
+        let triangles = scene.triangles(scene.origin()).expect("a scene that holds together");
+        let left = triangles.opaque().triangles.len();
+        assert_eq!(left, if scene.opacities.is_empty() { 2 } else { 0 }, "{material}: hides");
+        scene.opacities.get(&0).cloned()
+    };
+    let found = opacity(&blend).expect("an opacity");
+    let at = |u| found.at(Vec2::new(u, 0.5));
+    assert_eq!([at(0.25), at(0.75)], [0.0, 0.8], "the factor's part of the picture's alpha");
+    let even =
+        r#"{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.25]}}"#;
+    assert_eq!(opacity(even).expect("an opacity").at(Vec2::splat(0.3)), 0.25, "without a texture");
+    // What keeps all of it is whole.
+    assert_eq!(opacity(r#"{"alphaMode": "BLEND"}"#), None, "whole");
 }
 
 #[test]

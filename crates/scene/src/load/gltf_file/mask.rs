@@ -1,4 +1,4 @@
-//! Alpha-tested materials (section 3.9.4: `alphaMode` MASK), read from the raw JSON.
+//! Materials with alpha (section 3.9.4: `alphaMode` MASK and BLEND), read from the raw JSON.
 //!
 //! Whatever is wrong with a material leaves its meshes whole, and is counted: a scene without its textures still casts
 //! shadows.
@@ -11,15 +11,15 @@ use glam::Vec2;
 use serde_json::Value;
 
 use super::accessor::Accessors;
-use crate::{AlphaMap, Cutout, Wrap};
+use crate::{AlphaMap, Cutout, Opacity, Wrap};
 
 /// What a material says of its surface's alpha.
 #[derive(Clone, Debug)]
 pub(super) struct Mask {
     /// Alpha of the base colour's factor, >= 0.
     factor: f32,
-    /// Least alpha of what is there.
-    cutoff: f32,
+    /// Least alpha of what is there; `None` for a material that lets light through.
+    cutoff: Option<f32>,
     texture: Option<Texture>,
 }
 
@@ -45,9 +45,11 @@ impl Mask {
     /// The mask of a material, or `None` for one of another mode. `Err` where it cannot be understood.
     fn of(root: &Value, material: usize) -> Result<Option<Self>, ()> {
         let material = root["materials"].get(material).ok_or(())?;
-        if material["alphaMode"].as_str() != Some("MASK") {
-            return Ok(None);
-        }
+        let blends = match material["alphaMode"].as_str() {
+            Some("MASK") => false,
+            Some("BLEND") => true,
+            _ => return Ok(None),
+        };
         let number = |value: &Value, default: f64| match value {
             Value::Null => Ok(default as f32),
             value => value.as_f64().map(|n| n as f32).filter(|n| n.is_finite()).ok_or(()),
@@ -55,7 +57,7 @@ impl Mask {
         let color = &material["pbrMetallicRoughness"];
         Ok(Some(Self {
             factor: number(&color["baseColorFactor"][3], 1.0)?.max(0.0),
-            cutoff: number(&material["alphaCutoff"], 0.5)?,
+            cutoff: if blends { None } else { Some(number(&material["alphaCutoff"], 0.5)?) },
             texture: match &color["baseColorTexture"] {
                 Value::Null => None,
                 texture => Some(Texture::of(root, texture).ok_or(())?),
@@ -121,7 +123,15 @@ impl Texture {
     }
 }
 
-/// The alpha-tested materials of a file's primitives, and their textures once they were needed.
+/// What a material's alpha makes of a mesh.
+#[derive(Debug)]
+pub(super) enum Surface {
+    Whole,
+    Cut(Cutout),
+    Translucent(Opacity),
+}
+
+/// The materials with alpha of a file's primitives, and their textures once they were needed.
 #[derive(Debug, Default)]
 pub(super) struct Masks {
     of: HashMap<(usize, usize), Mask>,
@@ -160,17 +170,14 @@ impl Masks {
         self.of(mesh, primitive).and_then(Mask::attribute).is_some_and(|name| name == attribute)
     }
 
-    /// The cut-out of `mask` on vertices with these texture coordinates; `None` where all of it is there. `Err` where
-    /// its texture cannot be read.
-    pub(super) fn cutout(
+    /// What `mask` makes of a mesh whose vertices have these texture coordinates. `Err` where its texture cannot be
+    /// read.
+    pub(super) fn surface(
         &mut self,
         mask: &Mask,
         uv: &[Vec2],
         accessors: &mut Accessors<'_>,
-    ) -> Result<Option<Cutout>, String> {
-        // Alpha is the factor's times the texture's. Of a factor of zero, no texel reaches a cutoff above zero.
-        let cutoff =
-            if mask.cutoff <= 0.0 { 0.0 } else { (255.0 * mask.cutoff / mask.factor).min(256.0) };
+    ) -> Result<Surface, String> {
         let alpha = match &mask.texture {
             None => {
                 Arc::new(AlphaMap { width: 1, height: 1, texels: vec![255], ..AlphaMap::default() })
@@ -191,11 +198,19 @@ impl Masks {
                 }
             }
         };
-        if alpha.texels.iter().all(|&a| f32::from(a) >= cutoff) {
-            return Ok(None);
-        }
+        // Alpha is the factor's times the texture's.
+        let all_reach = |least: f32| alpha.texels.iter().all(|&a| f32::from(a) >= least);
         let place = |&uv: &Vec2| mask.texture.as_ref().map_or(uv, |texture| texture.place(uv));
-        Ok(Some(Cutout { uv: uv.iter().map(place).collect(), alpha, cutoff }))
+        let uv = uv.iter().map(place).collect();
+        let Some(cutoff) = mask.cutoff else {
+            let whole = all_reach(255.0 / mask.factor);
+            let opacity = Opacity { uv, alpha, factor: mask.factor };
+            return Ok(if whole { Surface::Whole } else { Surface::Translucent(opacity) });
+        };
+        // Of a factor of zero, no texel reaches a cutoff above zero.
+        let cutoff = if cutoff <= 0.0 { 0.0 } else { (255.0 * cutoff / mask.factor).min(256.0) };
+        let cut = if all_reach(cutoff) { None } else { Some(Cutout { uv, alpha, cutoff }) };
+        Ok(cut.map_or(Surface::Whole, Surface::Cut))
     }
 }
 
