@@ -7,6 +7,7 @@ mod shared {
     pub(crate) mod area;
     pub(crate) mod on_plane;
     pub(crate) mod slabs;
+    pub(crate) mod traced;
 }
 
 mod acne;
@@ -46,6 +47,7 @@ mod soft_twins;
 mod stability;
 mod storage_factors;
 mod tables;
+mod traced_texels;
 mod triangles;
 mod twins;
 mod view_samples;
