@@ -7,6 +7,7 @@ mod shared {
     pub(crate) mod area;
     pub(crate) mod on_plane;
     pub(crate) mod slabs;
+    pub(crate) mod traced;
 }
 
 mod acne;
@@ -47,6 +48,7 @@ mod stability;
 mod storage_factors;
 mod tables;
 mod translucent;
+mod traced_texels;
 mod triangles;
 mod twins;
 mod view_samples;

@@ -1,7 +1,8 @@
 //! The stores of filters: what they hold against a blur on the CPU, what enters none, and what they cost.
 
 use antumbra_filter::{
-    Convolution, Esm, Evsm, Lvsm, Msm, MultipleDepth, PowerFunction, Prefilter, Savsm, Vsm,
+    BlurredDepth, Convolution, Esm, Evsm, Fallback, Lvsm, Msm, MultipleDepth, PowerFunction,
+    Prefilter, Savsm, SoftComparison, Table, Vsm,
 };
 use antumbra_gpu::{
     Blur, BlurJob, BlurShader, Gpu, Recorder, TechniqueConfig, blur_rounding, read_f32_texture,
@@ -212,26 +213,35 @@ fn work_and_memory_are_as_stated_and_only_filters_know_their_radius() {
         let filter = Prefilter { radius, ..Prefilter::default() };
         let waves =
             |order, quantised| Convolution { map, filter, order, quantised, ..Default::default() };
-        let (bytes, floats) = (waves(8, true), waves(16, false));
+        let (bytes, more_bytes, floats) = (waves(8, true), waves(16, true), waves(16, false));
         let layered = Lvsm { map, filter, layers: 4, ..Lvsm::default() };
         let squares = MultipleDepth { map, radius, depths: 2, n_buffer: true };
         // A layer holds two waves, and lies between passes in floats. An N-buffer's levels are made in place, 9 for 256
         // texels.
         let table = Savsm { map, radius: radius as f32, follow_pixels: false, ..Savsm::default() };
-        let configs: [(&str, &dyn TechniqueConfig, Cost); 13] = [
+        let table_of_floats = Savsm { table: Table::Float, ..table };
+        // What the mean does not tell is asked texel by texel.
+        let side = 2 * radius + 2;
+        let deeper = Esm { map, filter, fallback: Fallback::Deeper, ..Esm::default() };
+        let configs: [(&str, &dyn TechniqueConfig, Cost); 18] = [
             ("vsm", &Vsm { map, filter, ..Vsm::default() }, cost(8, 8, 1, 4)),
             ("lvsm", &layered, cost(4 * 8, 8, 4, 4)),
             ("esm", &Esm { map, filter, ..Esm::default() }, cost(4, 4, 1, 4)),
+            ("esm, largest depth", &deeper, cost(8, 8, 1, u64::from(8 + side * side))),
+            ("blurred depth", &BlurredDepth { map, filter }, cost(4, 4, 1, 4)),
+            ("soft", &SoftComparison { map, filter, ..Default::default() }, cost(4, 4, 1, 4)),
             ("evsm", &Evsm { map, filter, ..Evsm::default() }, cost(16, 16, 1, 4)),
             ("evsm 2", &Evsm { map, filter, both: false, ..Evsm::default() }, cost(8, 8, 1, 4)),
             ("msm 16", &Msm { map, filter, quantised: true, ..Msm::default() }, cost(8, 16, 1, 4)),
             ("msm", &Msm { map, filter, ..Msm::default() }, cost(16, 16, 1, 4)),
             ("power", &PowerFunction { map, filter, ..PowerFunction::default() }, cost(8, 8, 1, 4)),
             ("8 waves in bytes", &bytes, cost(16, 16, 4, 16)),
+            ("16 waves in bytes", &more_bytes, cost(8 * 4, 16, 8, 32)),
             ("16 waves", &floats, cost(8 * 16, 16, 8, 32)),
             ("ends", &MultipleDepth { n_buffer: false, ..squares }, cost(8, 8, 1, 1)),
             ("N-buffer", &squares, cost(9 * 8, 0, 1, 4)),
             ("table", &table, cost(8, 8, 1, 16)),
+            ("table of floats", &table_of_floats, cost(8, 8, 1, 16)),
         ];
         for (name, config, cost) in configs {
             let mut technique = config.build(&gpu).expect("a valid config");

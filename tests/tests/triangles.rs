@@ -11,6 +11,10 @@ use antumbra_scene::{Light, LightKind, Mesh, Scene};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3, Vec3};
 
+use crate::shared::traced;
+
+use traced::{Model, by_object, by_triangles, count, receivers};
+
 /// Side of a view, samples.
 const VIEW: u32 = 224;
 
@@ -48,14 +52,18 @@ fn large_triangles() -> Scene {
     scene
 }
 
-/// Samples that face the light, are no ties, and differ from the truth.
-fn wrong(stage: &Stage, light: &Light, found: &[f32]) -> (usize, usize) {
+/// The number of samples that face the light and are no ties, and those that are lit though the truth is dark, and dark
+/// though it is lit.
+fn wrong(stage: &Stage, light: &Light, found: &[f32]) -> (usize, [Vec<usize>; 2]) {
     let options = TruthOptions { ties: true, tie_distance: 1e-4, ..TruthOptions::default() };
     let truth = stage.truth(light, &options);
     let counted = |i: &usize| truth.class[*i] == SampleClass::Counted;
     let judged: Vec<usize> = (0..found.len()).filter(counted).collect();
-    let off = judged.iter().filter(|&&i| found[i] != truth.visibility[i]).count();
-    (judged.len(), off)
+    let off = |sign: f32| {
+        let is_off = |i: &usize| sign * (found[*i] - truth.visibility[*i]) > 0.0;
+        judged.iter().copied().filter(is_off).collect()
+    };
+    (judged.len(), [off(1.0), off(-1.0)])
 }
 
 #[test]
@@ -63,6 +71,7 @@ fn triangles_larger_than_texels_give_the_exact_shadow() {
     let gpu = gpu();
     let scene = large_triangles();
     let stage = stage(&gpu, &scene);
+    let receivers = receivers(&gpu, &stage);
     for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
         let light = match kind {
             LightKind::Directional => Light::sun(0.6, 0.9, 0.0),
@@ -70,14 +79,29 @@ fn triangles_larger_than_texels_give_the_exact_shadow() {
         };
         // Texels of some 2 cm, sides of 0.7 m and more.
         let exact = Config::TriangleDepth(TriangleDepth { reach: 2, ..Default::default() });
-        let (judged, off) = wrong(&stage, &light, &visibility(&gpu, &stage, &light, &exact, 256));
+        let found = visibility(&gpu, &stage, &light, &exact, 256);
+        let (judged, [leaks, dark]) = wrong(&stage, &light, &found);
         assert!(judged > 4000, "{kind:?}: {judged} samples");
-        // Only at a triangle's sharp tip no texel nearby need show it.
-        assert!(off <= judged / 2000, "{kind:?}: {off} of {judged} samples are wrong");
+        assert!(dark.is_empty(), "{kind:?}: {dark:?} are in false shadow");
+        // At a triangle's sharp tip no texel nearby need show it: then none does for certain.
+        let mut model = Model::new(&gpu, &stage, &light, 256, 2);
+        let shown = |i: &usize| {
+            let r = &receivers[*i];
+            let at = model.lookup(r, 2);
+            at.is_some_and(|at| by_triangles(&model, r, &at) == Some(true))
+        };
+        let missed = leaks.len();
+        let shown: Vec<usize> = leaks.into_iter().filter(shown).collect();
+        assert!(shown.is_empty(), "{kind:?}: {shown:?} are lit behind what their texels show");
         // The control: a map of texels, and coarse ones.
         let texels = Config::Plain(Plain::default());
-        let (_, off) = wrong(&stage, &light, &visibility(&gpu, &stage, &light, &texels, 32));
-        assert!(off > judged / 2000, "{kind:?}: the plain map is wrong in {off} of {judged}");
+        let coarse = visibility(&gpu, &stage, &light, &texels, 32);
+        let (_, off) = wrong(&stage, &light, &coarse);
+        let off: usize = off.iter().map(Vec::len).sum();
+        assert!(
+            off > 10 * missed + 20,
+            "{kind:?}: the plain map is wrong in {off}, {missed} missed"
+        );
     }
 }
 
@@ -161,13 +185,15 @@ fn an_object_shadows_others_but_never_itself() {
             let counted = (0..v.len()).filter(|&i| truth.class[i] == SampleClass::Counted);
             counted.filter(|&i| v[i] == 0.0).count()
         };
-        let (expected, found) = (dark(&truth.visibility), dark(&found));
+        let expected = dark(&truth.visibility);
         assert!(expected > 500, "the wall shadows {expected} samples of the slab");
         if in_one {
-            assert_eq!(found, 0, "an object shadows itself");
+            assert_eq!(dark(&found), 0, "an object shadows itself");
         } else {
-            let off = found.abs_diff(expected);
-            assert!(off <= expected / 20, "{found} samples are dark, not {expected}");
+            let mut model = Model::new(&gpu, &stage, &light, 512, 0);
+            let right = count(&mut model, &receivers(&gpu, &stage), &found, (0, by_object));
+            assert_eq!(right.wrong, 0, "{right:?}");
+            assert!(2 * right.dark > expected && 20 * right.open < right.lit, "{right:?}");
         }
     }
 }

@@ -57,12 +57,6 @@ pub mod entries {
         texture(binding, stages, true, TextureSampleType::Depth)
     }
 
-    /// A float texture for a filtering sampler (`texture_2d_array<f32>`).
-    #[must_use]
-    pub fn filterable_array(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
-        texture(binding, stages, true, TextureSampleType::Float { filterable: true })
-    }
-
     /// A texture of unsigned integers (`texture_2d_array<u32>`).
     #[must_use]
     pub fn unsigned_array(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
@@ -94,12 +88,6 @@ pub mod entries {
     #[must_use]
     pub fn comparison_sampler(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
         entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Comparison))
-    }
-
-    /// A filtering sampler.
-    #[must_use]
-    pub fn filtering_sampler(binding: u32, stages: ShaderStages) -> BindGroupLayoutEntry {
-        entry(binding, stages, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
     }
 
     /// A sampler for gathering texels as they are.

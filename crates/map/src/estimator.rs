@@ -11,9 +11,6 @@ pub enum MapRead {
     Texels,
     /// Depth, four texels a fetch (`texture_2d_array<f32>` and `textureGather`).
     Gathered,
-    /// Floats, through a bilinear sampler that ends at the border (`texture_2d_array<f32>`, of a filterable
-    /// format).
-    Filtered,
     /// Unsigned integers, texel by texel (`texture_2d_array<u32>`).
     Unsigned,
 }

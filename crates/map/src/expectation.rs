@@ -74,6 +74,12 @@ fn around(map: &MapConfig, estimator: &Estimator, case: &str) -> Option<Expectat
         "HC-01 A, point light" | "HC-23 light at the eye" | "HC-25 caster out of sight" => {
             Holds { bound: (reach + off(0.48)) * 4.5 / 2.0 }
         }
+        // The same on a wall 53 m off, of which the casters, whose edges span 0.22, fill 8.5 m.
+        "HC-17 beyond the far plane" => Holds { bound: (reach + off(0.22)) * 53.0 / 8.5 },
+        // And on a floor 6.5 m off, of which the plate, whose edges span 0.72, hides 3 m.
+        "HC-23 lamp at the eye, in view" | "HC-23 light in the near plane" => {
+            Holds { bound: (reach + off(0.72)) * 6.5 / 3.0 }
+        }
         // The same for a triangle up to 2.5 m off and 36 degrees aslant, whose edges span up to 0.93.
         "HC-02 light amid the caster" => Holds { bound: (reach + off(0.93)) * 3.0 / 2.0 },
         "HC-12 two triangles below the light" if map.omni == Omni::WarpedParaboloid => KnownLimit {
@@ -137,7 +143,10 @@ fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option
         | "HC-20 winding without a side"
         | "HC-22 vertex on an edge" => Holds { bound: reach },
         // The window follows what is seen in steps, and its texels are up to an eighth of an octave larger.
-        "K1 plates of one size"
+        "HC-17 beyond the far plane"
+        | "HC-23 lamp at the eye, in view"
+        | "HC-23 light in the near plane"
+        | "K1 plates of one size"
         | "K2 tilted suns"
         | "K4 facing wall"
         | "K4 side wall"
@@ -177,11 +186,8 @@ fn depth_map(omni: Omni, estimator: &Estimator, size: u32, case: &str) -> Option
         "HC-15 eye in shadow"
         | "HC-16 boundary near the eye"
         | "HC-16 boundary through the eye"
-        | "HC-17 beyond the far plane"
         | "HC-18 sheets"
         | "HC-18 256 sheets"
-        | "HC-23 lamp at the eye, in view"
-        | "HC-23 light in the near plane"
         | "HC-25 caster not seen" => Holds { bound: 0.0 },
         // A map is fitted to what casts on what is seen, wherever either is, and however much or little that is.
         "K3 light along the view"

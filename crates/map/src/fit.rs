@@ -101,6 +101,8 @@ pub struct Needed {
     pub casters: Vec<DVec3>,
     /// Half-spaces (xyz inward unit normal, w offset) that hold these casters.
     pub volume: Vec<DVec4>,
+    /// By how much they are moved out for the kernel's reach, metres.
+    pub margin: f64,
 }
 
 /// A matrix, and what holds all that it has to show: half-spaces, and ends along its axis.
@@ -265,7 +267,8 @@ impl Sight<'_> {
         let margin = std::f64::consts::SQRT_2 * f64::from(fitting.guard) * texel(&reach.receivers);
         let volume: Vec<DVec4> = reach.volume.iter().map(|p| *p + DVec4::W * margin).collect();
         let casters = within(self.casters, &volume, fitting.origin);
-        (!casters.is_empty()).then_some(Needed { receivers: reach.receivers, casters, volume })
+        let receivers = reach.receivers;
+        (!casters.is_empty()).then_some(Needed { receivers, casters, volume, margin })
     }
 }
 
@@ -367,7 +370,9 @@ impl Stand<'_> {
                 let beyond = far + (far - near).max(2.0 * far * tan_limit.max_element());
                 far = step(receivers.farthest).clamp(far, beyond);
             }
-            volume = needed.volume;
+            let tilt = needed.margin / receivers.farthest;
+            let widened = |plane: &DVec4| tilted(plane, needed.margin, tilt, (eye, -basis.row(2)));
+            volume = needed.volume.iter().map(widened).collect();
             ends = Some([near, casters, far].map(|distance| eye - basis.row(2) * distance));
         }
         let window = |i: usize| {
@@ -421,6 +426,20 @@ impl Frontal {
         });
         Some(Self { window, near, farthest })
     }
+}
+
+/// A half-space that is moved out by `margin`, as a view from `eye` along `front` needs it whose kernels reach `tilt` aside
+/// at a distance of 1: where it goes through `eye` it is turned out instead. What is beside a sample's own texel is beside it
+/// at every distance, also beyond the farthest receiver, where a receiver's plane may go on.
+fn tilted(plane: &DVec4, margin: f64, tilt: f64, (eye, front): (DVec3, DVec3)) -> DVec4 {
+    let own = plane.truncate();
+    let from_eye = own.dot(eye) + plane.w - margin;
+    if from_eye.abs() > 1e-9 * (eye.length() + margin) {
+        return *plane;
+    }
+    let turned = (own + tilt * front).normalize_or_zero();
+    // Rounding, and corners that lie in the half-space's border.
+    turned.extend(-turned.dot(eye) + margin / 64.0)
 }
 
 /// The half-spaces of the view from `eye` down -z of `basis`.

@@ -76,11 +76,9 @@ impl Resolve {
         let map = match estimator.read {
             MapRead::Comparison => entries::depth_array(1, CS),
             MapRead::Texels | MapRead::Gathered => entries::texels(1, CS, true),
-            MapRead::Filtered => entries::filterable_array(1, CS),
             MapRead::Unsigned => entries::unsigned_array(1, CS),
         };
         let (sampling, compare) = match estimator.read {
-            MapRead::Filtered => (entries::filtering_sampler(2, CS), None),
             MapRead::Gathered => (entries::nearest_sampler(2, CS), None),
             _ => (entries::comparison_sampler(2, CS), Some(convention.compare())),
         };

@@ -434,7 +434,6 @@ fn one_texel(gpu: &Gpu, read: MapRead) -> Result<wgpu::TextureView, GpuError> {
             dimension: wgpu::TextureDimension::D2,
             format: match read {
                 MapRead::Comparison | MapRead::Gathered | MapRead::Texels => ShadowMap::FORMAT,
-                MapRead::Filtered => wgpu::TextureFormat::Rgba16Float,
                 MapRead::Unsigned => wgpu::TextureFormat::R32Uint,
             },
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,

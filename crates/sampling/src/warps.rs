@@ -187,7 +187,10 @@ fn seen(case: &str) -> Option<(f64, f64)> {
     Some(match case {
         // From the near plane to the floor, straight below.
         "HC-02 in view" | "HC-25 caster out of sight" => (0.1, 5.0),
-        "HC-23 light at the eye" => (0.1, 6.0),
+        "HC-23 light at the eye"
+        | "HC-23 lamp at the eye, in view"
+        | "HC-23 light in the near plane" => (0.1, 6.0),
+        "HC-17 beyond the far plane" => (0.1, 50.0),
         "HC-39 creeping camera" => (10.0, 12.0),
         // From 4.5 m above the floor, at 45 degrees; casters are lower than 2 m.
         "HC-19 three and four triangles on an edge"

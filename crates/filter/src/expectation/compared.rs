@@ -71,15 +71,20 @@ pub(crate) fn joined(
         "HC-02 in view" | "HC-23 light at the eye" | "HC-25 caster out of sight" => {
             Holds { bound: bound + SQRT_2 * pixels }
         }
+        // A pixel is 0.2 m of a wall of which the casters fill 8.5 m, or 0.19 m of a floor of which the plate hides 3 m.
+        "HC-17 beyond the far plane" => {
+            Holds { bound: bound + SQRT_2 * pixels * 0.2 / (8.5 / size) }
+        }
+        "HC-23 lamp at the eye, in view" | "HC-23 light in the near plane" => {
+            Holds { bound: bound + SQRT_2 * pixels * 0.19 / (3.0 / size) }
+        }
         // Of shadows of one square or half of the floor: four corners, and two edges that leave the picture. A third of 64 x 64
         // pixels is judged at least.
         "HC-15 eye in shadow"
         | "HC-16 boundary near the eye"
         | "HC-16 boundary through the eye"
-        | "HC-17 beyond the far plane"
         | "HC-18 sheets"
         | "HC-18 256 sheets"
-        | "HC-23 light in the near plane"
         | "HC-25 caster not seen"
         | "K3 light along the view"
         | "K7 slab behind the camera"

@@ -90,7 +90,7 @@ pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectati
         // No second layer lies below a lone triangle.
         "K7 crossing triangle" if config.surface == SecondSurface::SecondLayer => some_wrong,
         // All of what is seen of the shadow is missing.
-        "HC-23 light in the near plane" => beside_the_plate(),
+        "HC-23 light in the near plane" => beside_the_plate(size),
         // As above, of shadows that are narrower than the map, at samples that lie where the pixels do.
         "HC-02 in view"
         | "HC-23 light at the eye"
@@ -115,8 +115,8 @@ pub(crate) fn second_depth(config: &SecondDepth, case: &str) -> Option<Expectati
         }
         // As far as the bias leaks behind a metre and a half of boxes, of a floor of 15 square metres.
         "HC-09 boxes in each other" => Holds { bound: 0.1 * f64::from(config.bias) },
-        // The limb, as above, of obtuse edges that run along the light for less than a texel.
-        "HC-08 sphere's limb" => Holds { bound: 2.0 * texel },
+        // The limb, as above, of obtuse edges.
+        "HC-08 sphere's limb" => Holds { bound: limb(size, texel) },
         // A lone floor has no second surface; the rest have closed bodies.
         _ => return without_holes(case).or_else(|| plain(config.size, case)),
     })
@@ -202,7 +202,7 @@ fn virtual_occluder(map_size: u32, limit: f64, case: &str) -> Option<Expectation
             if limit.is_finite() {
                 limb_of_steep(size, texel, limit)
             } else {
-                Holds { bound: 2.0 * texel }
+                Holds { bound: limb(size, texel) }
             }
         }
         _ => return without_holes(case).or_else(|| plain(map_size, case)),
@@ -215,6 +215,18 @@ fn plane_slope(elevation: f64) -> f64 {
     elevation.to_radians().cos()
 }
 
+/// HC-08: how far from the limb, in texels, a sample lies at most whose texel shows something else than its facet.
+///
+/// What a texel shows at its centre differs from what it shows at the sample only across the outline, on which an edge
+/// between a lit facet and an unlit one lies, and they are a diagonal apart at most: sqrt 2 texels, of which the shorter side
+/// is half a metre's share less than the longer; 2 cover it. No point of a facet is farther than 0.0478 radians from its
+/// normal (of an icosahedron's, each divided in four four times). So points of such an edge are as near as that to being
+/// seen edge-on, and to the sphere's surface: 0.5 m times the square of its cosine from the axis.
+fn limb(size: f64, texel: f64) -> f64 {
+    let long = 60_f64.to_radians().cos() + 60_f64.to_radians().sin();
+    2.0 * texel + 0.5 * 0.0478_f64.sin().powi(2) * size / long
+}
+
 /// HC-08 with occluders at most `limit` texels behind a surface: acne wherever a sphere is steeper.
 ///
 /// The sun is at 60 degrees; texels are 1 by cos 60 + sin 60 = 1.366 units. Along the longer side, acne needs
@@ -225,8 +237,8 @@ fn limb_of_steep(size: f64, texel: f64, limit: f64) -> Expectation {
     let away = |tan: f64| 0.5 * (1.0 - tan / (1.0 + tan * tan).sqrt()) * size / long;
     let along_diagonal = 2.0 * limit * long / (1.0 + long * long).sqrt();
     KnownLimit {
-        at_least: (away(2.0 * limit) - 2.0 * texel).max(f64::MIN_POSITIVE),
-        at_most: away(along_diagonal) + 2.0 * texel,
+        at_least: (away(2.0 * limit) - limb(size, texel)).max(f64::MIN_POSITIVE),
+        at_most: away(along_diagonal) + limb(size, texel),
         because: "where the sphere is steeper than the limit allows for, it hides itself",
     }
 }
@@ -254,7 +266,7 @@ pub(crate) fn slope_bias(config: &SlopeBias, case: &str) -> Option<Expectation> 
         // Along a ray at 45 degrees, depth between a wall's front and the floor grows by sqrt(2) a metre of
         // floor; `factor` texels of sqrt(1/2) each are hidden on the first `factor` / 2.
         "HC-04 thin wall" | "HC-05 cube" => return wider(config.size, case, 0.5 * factor),
-        "HC-08 sphere's limb" => Holds { bound: 2.0 * texel(config.size) },
+        "HC-08 sphere's limb" => Holds { bound: limb(size, texel(config.size)) },
         // As under HC-01's slanting sun, which is one of the lights; and sheets that slope beyond the map's end.
         "HC-25 caster out of sight" | "HC-20 winding without a side" => {
             return wider(config.size, case, factor);

@@ -67,38 +67,37 @@ pub(crate) fn polygon_id(config: &PolygonId, case: &str) -> Option<Expectation> 
         "HC-03 grazing plane" if alone => along_edges(f64::MIN_POSITIVE, 1.5 * texel / size),
         // The line runs along the light, at the map's middle, where texels meet.
         "HC-03 grazing plane, diagonal" if alone => Holds { bound: 1.5 * texel / size },
-        // The farthest sample from the limb is the sphere's middle, 0.5 m, of 1.366 m.
+        // The farthest sample from the limb is the sphere's middle, 0.5 m, of 1.366 m. Dark ones lie as near to it as there are
+        // samples for: on the 2560 lit triangles of 1.6 m^2 in all there are 89 m of edges a square metre, beside which a
+        // quarter of a texel is dark (as above), and 16 samples a triangle, 26000 a square metre. A disc of radius r has pi r^2
+        // of them; that none of 9 expected ones is there has the odds e^-9.
         "HC-08 sphere's limb" => {
-            let middle = 0.5 / (60_f64.to_radians().sin() + 0.5) * size;
-            along_edges(0.9 * middle, middle)
+            let metre = size / (60_f64.to_radians().sin() + 0.5);
+            let dark = 89.0 * 0.25 / metre * 26000.0;
+            let nearest = (9.0 / (std::f64::consts::PI * dark)).sqrt();
+            along_edges((0.5 - nearest).max(0.0) * metre, 0.5 * metre)
         }
         "HC-09 boxes in each other" if alone => {
             along_edges(f64::MIN_POSITIVE, 2.0 * halo(config.size, config.reach))
         }
         "HC-09 boxes in each other" => Holds { bound: 2.0 * halo(config.size, config.reach) },
-        // Eight triangles an ideal texel, of which it names one.
-        "HC-10 triangles below a texel" if alone => {
-            let dark = 1.0 - 1.0 / (8.0 * texel * texel);
+        // Eight triangles an ideal texel, of which it names one: that which holds its centre, and lies in it, so that no
+        // neighbour names another. Four deviations of the mean of as many coin flips as there are samples, 2^14.
+        "HC-10 triangles below a texel" => {
+            let lit = 1.0 / (8.0 * texel * texel);
+            let chance = 4.0 * (lit * (1.0 - lit)).sqrt() / 128.0;
             KnownLimit {
-                at_least: dark - 0.01,
-                at_most: dark + 0.01,
+                at_least: 1.0 - lit - chance,
+                at_most: 1.0 - lit + chance,
                 because: "of eight triangles a texel names one, and seven are dark",
             }
         }
-        // Each of the texels around may name a triangle that reaches into the receiver's.
-        "HC-10 triangles below a texel" => KnownLimit {
-            at_least: 0.75,
-            at_most: 0.9,
-            because: "of eight triangles a texel names one, and seven are dark",
-        },
         // The front plate's line, half of a texel wide at most, of a plate as wide as the map; half the samples.
         "HC-13 depth precision" if alone => along_edges(f64::MIN_POSITIVE, 0.5 * texel / size),
         // The same, where positions 500 m from the origin are known to a millimetre, which is a texel.
         "HC-13 depth precision, near caster" => Holds { bound: 0.5 * texel / size },
-        // The diagonal of the wall, at most the map's, half of a texel wide in the mean; twice for uneven phases.
-        "HC-17 beyond the far plane" if alone => {
-            along_edges(f64::MIN_POSITIVE, SQRT_2 * texel / size)
-        }
+        // The diagonal of the wall, which ends in corners 6.4 m from the shadow, of 8.5 m.
+        "HC-17 beyond the far plane" if alone => along_edges(f64::MIN_POSITIVE, 6.4 / (8.5 / size)),
         // The same of a plate at 9 m, in a map as wide as the quad is at 1 m.
         "HC-38 depth along a long edge" if alone => {
             along_edges(f64::MIN_POSITIVE, SQRT_2 * 9.0 * texel / size)

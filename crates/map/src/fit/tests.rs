@@ -3,6 +3,7 @@
 use antumbra_gpu::ViewCamera;
 
 use super::*;
+use crate::visible::side;
 
 const FITTING: Fitting = Fitting { origin: DVec3::ZERO, size: 256, guard: 2, receivers: false };
 
@@ -162,7 +163,7 @@ fn ends_hold_what_is_in_the_volume(seen: &[SeenView], casters: &[Bounds]) {
             if c.w > 0.0 { c.z / c.w } else { f64::INFINITY }
         };
         for corner in corners(casters) {
-            if volume.iter().all(|plane| crate::visible::side(plane, corner) >= 0.0) {
+            if volume.iter().all(|plane| side(plane, corner) >= 0.0) {
                 let found = depth(corner);
                 let (first, last) = (depth(*near), depth(*last_caster));
                 assert!(depth(*far) <= last, "receivers go on behind the casters");
@@ -262,4 +263,28 @@ fn a_window_that_follows_the_camera_moves_in_whole_texels() {
         }
         assert!(moves > 0 && stays > moves, "{light:?}: {moves} moves, {stays} frames without");
     }
+}
+
+#[test]
+fn what_lies_beside_a_ray_is_within_a_turned_half_space_at_every_distance() {
+    let (eye, front, tilt, farthest) = (DVec3::new(1.0, 2.0, 3.0), DVec3::NEG_Z, 0.02, 10.0);
+    let margin = tilt * farthest;
+    let (mut held, mut lost) = (0, 0);
+    for k in 0..1000 {
+        let [a, b, c, d] = [0.618, 0.755, 0.57, 0.325].map(|step| (f64::from(k) * step).fract());
+        let angle = std::f64::consts::TAU * a;
+        // A side through the eye, a ray within it, and a place a kernel's reach aside, before and beyond the farthest.
+        let aside = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        let normal = (aside + (b - 0.5) * front).normalize();
+        let moved_out = normal.extend(margin - normal.dot(eye));
+        let ray = front + aside * (0.5 - b + 0.01 * d);
+        let place = eye + (ray - aside * tilt) * (0.1 + 40.0 * c);
+        assert!(side(&tilted(&moved_out, margin, tilt, (eye, front)), place) >= 0.0, "{k}");
+        held += usize::from(side(&moved_out, place) >= 0.0);
+        lost += usize::from(side(&moved_out, place) < 0.0);
+    }
+    assert!(held > 100 && lost > 100, "a side that is moved out holds {held} and loses {lost}");
+    // One that does not go through the eye stays as it was.
+    let other = DVec4::new(0.0, 0.0, 1.0, 5.0);
+    assert_eq!(tilted(&other, margin, tilt, (eye, front)), other, "a far side");
 }

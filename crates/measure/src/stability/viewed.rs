@@ -32,6 +32,41 @@ impl Viewed<'_> {
         gpu: &Gpu,
         technique: &mut dyn Technique,
     ) -> Result<f64, MeasureError> {
+        let (mut wrong, mut judged) = (0_u32, 0_u32);
+        for (p, n, v) in self.seen(gpu, technique)? {
+            if let Some(lit) = (self.lit)(p, n) {
+                judged += 1;
+                wrong += u32::from(!is_right(v, lit));
+            }
+        }
+        Ok(f64::from(wrong) / f64::from(judged))
+    }
+
+    /// Distance of the farthest wrong sample from the shadow's edge, which is `off` away from a point, > 0 in the light;
+    /// in texels of `texel` metres.
+    fn farthest_wrong(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+        (texel, off): (f64, &dyn Fn(DVec3) -> f64),
+    ) -> Result<f64, MeasureError> {
+        // NaN where there was nothing to judge.
+        let mut farthest = f64::NAN;
+        for (p, n, v) in self.seen(gpu, technique)? {
+            if let Some(lit) = (self.lit)(p, n) {
+                let wrong = if is_right(v, lit) { 0.0 } else { off(p).abs() / texel };
+                farthest = wrong.max(farthest);
+            }
+        }
+        Ok(farthest)
+    }
+
+    /// The samples that the camera sees, with the light that they get.
+    fn seen(
+        &self,
+        gpu: &Gpu,
+        technique: &mut dyn Technique,
+    ) -> Result<Vec<(DVec3, Vec3, f32)>, MeasureError> {
         let mut clip = self.camera.view_projection(DVec3::ZERO, 1.0);
         if self.far.is_finite() {
             // z = n (w_in) becomes n (f - d) / (f - n), reversed: 1 at n, 0 at f.
@@ -43,20 +78,15 @@ impl Viewed<'_> {
         let view = ViewCamera { clip, eye: self.camera.eye };
         let stage = Stage::seen_by(gpu, self.scene, &view, VIEW, VIEW)?;
         let shot = stage.shoot(gpu, self.light, technique, 0)?;
-        let (mut wrong, mut judged) = (0_u32, 0_u32);
-        for (sample, v) in stage.view_samples().iter().zip(&shot.visibility) {
-            let there = sample.normal != Vec3::ZERO;
-            let known =
-                there.then(|| (self.lit)(sample.position.as_dvec3(), sample.normal)).flatten();
-            if let Some(lit) = known {
-                judged += 1;
-                // Asked this way round, NaN is wrong.
-                let right = if lit { *v > 0.5 } else { *v <= 0.5 };
-                wrong += u32::from(!right);
-            }
-        }
-        Ok(f64::from(wrong) / f64::from(judged))
+        let samples = stage.view_samples().into_iter().zip(shot.visibility);
+        let there = samples.filter(|(sample, _)| sample.normal != Vec3::ZERO);
+        Ok(there.map(|(s, v)| (s.position.as_dvec3(), s.normal, v)).collect())
     }
+}
+
+/// Asked this way round, NaN is wrong.
+fn is_right(v: f32, lit: bool) -> bool {
+    if lit { v > 0.5 } else { v <= 0.5 }
 }
 
 pub(super) fn camera(eye: DVec3, target: DVec3, near: f64) -> Camera {
@@ -159,15 +189,18 @@ pub(super) fn beyond_far_plane(
         shapes::quad(DVec3::new(0.0, 4.0, -49.0), 4.0 * DVec3::X, 4.0 * DVec3::Y),
         DAffine3::IDENTITY,
     );
-    // The casters fill 8 m of the wall.
-    let band = BAND * 8.0 / f64::from(map_size);
-    let lit = move |p: DVec3, n: Vec3| {
-        // Where the ray from the lamp meets the planes of the cube's front and back.
+    // As the lamp sees them, the casters reach from the wall's top to the cube's foot, which it sees 8.5 m below that on the
+    // wall.
+    let texel = (3.0 / 52.0 + 5.0 / 47.0) * 52.0 / f64::from(map_size);
+    let off = move |p: DVec3| {
+        // Where the ray from the lamp meets the planes of the cube's front and back, and by how much it misses both; on the
+        // wall that is as much farther as the wall is.
         let at = |z: f64| light + (p - light) * ((z - light.z) / (p.z - light.z));
         let out = |q: DVec3| q.x.abs().max((q.y - 1.0).abs()) - 1.0;
-        let near = out(at(-44.0)).min(out(at(-46.0)));
-        let on_wall = (p.z + 49.0).abs() < 1e-3 && n.z > 0.9 && p.y > band;
-        (on_wall && near.abs() > band).then_some(near > 0.0)
+        out(at(-44.0)).min(out(at(-46.0))) * 52.0 / 47.0
+    };
+    let lit = |p: DVec3, n: Vec3| {
+        ((p.z + 49.0).abs() < 1e-3 && n.z > 0.9 && p.y > 0.0).then(|| off(p) > 0.0)
     };
     let mut eye = camera(DVec3::new(3.0, 2.0, 0.0), DVec3::new(0.0, 2.0, -49.0), 0.1);
     eye.fov_y = 15_f64.to_radians();
@@ -178,7 +211,7 @@ pub(super) fn beyond_far_plane(
         far: 50.0,
         lit: &lit,
     }
-    .wrong_share(gpu, technique)
+    .farthest_wrong(gpu, technique, (texel, &off))
 }
 
 /// HC-18: a stack of sheets of 2 m over a floor, under a sun overhead.
@@ -257,7 +290,8 @@ pub(super) fn light_at_eye(
     let height = light.y;
     let center = -light.with_y(0.0) * (2.0 / (height - 2.0));
     let half = height / (height - 2.0);
-    let shadow = square_shadow(half, BAND * 2.0 / f64::from(map_size) * half);
+    let (shadow, texel) = (square_shadow(half, 0.0), 2.0 * half / f64::from(map_size));
+    let off = |p: DVec3| (p - center).x.abs().max((p - center).z.abs()) - half;
     Viewed {
         scene: &scene,
         light: &Light::Point { position: light },
@@ -265,7 +299,7 @@ pub(super) fn light_at_eye(
         far: f64::INFINITY,
         lit: &|p, n| shadow(p - center, n),
     }
-    .wrong_share(gpu, technique)
+    .farthest_wrong(gpu, technique, (texel, &off))
 }
 
 /// HC-24: lamps where geometry degenerates: in a closed cube, whose outside is dark, and at a corner of a triangle, which

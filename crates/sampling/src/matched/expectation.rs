@@ -40,7 +40,10 @@ pub(super) fn matched(
             let displacement = f64::from(config.displacement);
             Holds { bound: as_seen(bound(of?) * coarser, displacement, width / f64::from(size?)) }
         }
-        "K1 plates of one size"
+        "HC-17 beyond the far plane"
+        | "HC-23 lamp at the eye, in view"
+        | "HC-23 light in the near plane"
+        | "K1 plates of one size"
         | "K2 tilted suns"
         | "K4 facing wall"
         | "K4 side wall"
@@ -88,6 +91,9 @@ pub(super) fn matched(
 fn longest_pixel(case: &str) -> Option<(f64, f64)> {
     let beside = |z: f64, h: f64, tan: f64| 2.0 * tan / 128.0 * z * z / h;
     Some(match case {
+        // Of 64 rows: over 15 degrees, 49 m off, and straight down from 6 m.
+        "HC-17 beyond the far plane" => (2.0 * 7.5_f64.to_radians().tan() / 64.0 * 49.0, 8.5),
+        "HC-23 lamp at the eye, in view" | "HC-23 light in the near plane" => (12.0 / 64.0, 3.0),
         "K1 plates of one size" => (beside(98.0, 1.7, 0.5), 89.8),
         "K2 tilted suns" => (beside(98.0, 1.7, 0.5), 45.9),
         "K4 facing wall" => (20.0 / 128.0, 20.0),
