@@ -92,6 +92,8 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::receivers",
         "volume::cull",
         "volume::clamp",
+        "volume::litmap_make",
+        "volume::litmap_ask",
         "volume::silhouettes",
         "map::cull_clusters",
         "map::peel",

@@ -6,6 +6,7 @@ use antumbra_gpu::{
 };
 use glam::Vec4;
 
+use crate::litmap::{Litmap, LitmapRequest};
 use crate::receivers::{Receivers, storage};
 use crate::triangles::dispatch;
 use crate::{Savings, VolumeFaces};
@@ -15,6 +16,7 @@ use crate::{Savings, VolumeFaces};
 pub(crate) struct Clamp {
     savings: Savings,
     receivers: Receivers,
+    litmap: Option<Litmap>,
     triangles: wgpu::ComputePipeline,
     bodies: wgpu::ComputePipeline,
     layouts: [wgpu::BindGroupLayout; 3],
@@ -48,6 +50,8 @@ pub(crate) struct ClampRequest<'a> {
     /// The eye, homogeneous.
     pub(crate) eye: Vec4,
     pub(crate) contact: f32,
+    /// Edges of the casters, where there may be hidden ones or where volumes are of bodies.
+    pub(crate) edges: Option<&'a CasterEdges>,
 }
 
 /// Bytes of a `Limit`.
@@ -80,6 +84,7 @@ impl Clamp {
         Ok(Self {
             savings,
             receivers: Receivers::new(gpu)?,
+            litmap: if savings.litmap > 0 { Some(Litmap::new(gpu, savings)?) } else { None },
             triangles: pipeline("clamp_triangles", of_triangles),
             bodies: pipeline("clamp_bodies", of_bodies),
             layouts,
@@ -89,7 +94,7 @@ impl Clamp {
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),
-            left: storage(gpu, "volumes left", 4)?,
+            left: storage(gpu, "volumes left", 8)?,
             limits: storage(gpu, "limits of volumes", 0)?,
             group: BindGroupCache::default(),
             boxes: BindGroupCache::default(),
@@ -106,8 +111,12 @@ impl Clamp {
         gpu: &Gpu,
         request: &ClampRequest<'_>,
     ) -> Result<(), GpuError> {
-        let ClampRequest { samples, volumes, light, eye, contact } = *request;
-        self.receivers.prepare(gpu, Some(samples), light)?;
+        let ClampRequest { samples, volumes, light, eye, contact, edges } = *request;
+        self.receivers.prepare(gpu, Some(samples), light, self.savings.reach_of_interest())?;
+        if let Some(litmap) = &mut self.litmap {
+            let edges = edges.map_or(0, |edges| edges.count);
+            litmap.prepare(gpu, &LitmapRequest { samples, volumes, light, contact, edges })?;
+        }
         let room = LIMIT * u64::from(volumes);
         if self.limits.size() < room {
             self.limits = storage(gpu, "limits of volumes", room)?;
@@ -120,7 +129,7 @@ impl Clamp {
             light: light.to_array(),
             eye: eye.to_array(),
             how: [volumes, width, row, height],
-            cut: [near.into(), far.into(), window.into(), 0],
+            cut: [near.into(), far.into(), window.into(), self.litmap.is_some().into()],
             contact,
             unused: [0.0; 3],
         };
@@ -134,8 +143,12 @@ impl Clamp {
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
         triangles: &CasterTriangles<'_>,
+        edges: Option<&CasterEdges>,
         faces: &VolumeFaces,
     ) {
+        if let Some(litmap) = &mut self.litmap {
+            litmap.encode(gpu, recorder, triangles, edges, false, &self.limits);
+        }
         let own =
             [(1, triangles.positions), (2, triangles.indices), (3, &faces.sides), (4, &faces.caps)];
         self.encode(gpu, recorder, 0, &own);
@@ -146,8 +159,12 @@ impl Clamp {
         &mut self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
+        triangles: &CasterTriangles<'_>,
         edges: &CasterEdges,
     ) {
+        if let Some(litmap) = &mut self.litmap {
+            litmap.encode(gpu, recorder, triangles, Some(edges), true, &self.limits);
+        }
         self.encode(gpu, recorder, 1, &[(7, &edges.bodies)]);
     }
 
@@ -193,17 +210,19 @@ impl Clamp {
         &self.limits
     }
 
-    /// How many volumes were left in the last submitted frame. Waits.
+    /// How many volumes were left in the last submitted frame, and how many boxes around samples were asked. Waits.
     ///
     /// # Errors
     /// A lost device.
-    pub(crate) fn read_left(&self, gpu: &Gpu) -> Result<u64, GpuError> {
-        let bytes = read_buffer(gpu, &self.left, 4)?;
-        Ok(bytemuck::pod_read_unaligned::<u32>(&bytes).into())
+    pub(crate) fn read_counters(&self, gpu: &Gpu) -> Result<[(&'static str, u64); 2], GpuError> {
+        let bytes = read_buffer(gpu, &self.left, 8)?;
+        let [left, asked] = bytemuck::pod_read_unaligned::<[u32; 2]>(&bytes);
+        Ok([("casting_volumes", left.into()), ("asked_boxes", asked.into())])
     }
 
     /// Bytes of GPU memory held.
     pub(crate) fn bytes(&self) -> u64 {
-        self.receivers.bytes() + self.left.size() + self.limits.size()
+        let litmap = self.litmap.as_ref().map_or(0, Litmap::bytes);
+        self.receivers.bytes() + self.left.size() + self.limits.size() + litmap
     }
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::doubtful::Doubtful;
 use crate::light::Viewer;
+use crate::reach::scissor;
 use crate::{Savings, VolumeFaces};
 use pipelines::{draw_layout, faces_pipeline, resolve_layout, stencil_state};
 
@@ -47,6 +48,8 @@ pub(crate) struct Counting {
     /// In the place of volumes' limits where there are none.
     unlimited: wgpu::Buffer,
     doubtful: Doubtful,
+    /// The pixels that the light may reach: x, y, width and height.
+    scissor: [u32; 4],
     target: Option<Target>,
     draw_group: BindGroupCache<(Vec<wgpu::Buffer>, [wgpu::TextureView; 2])>,
     resolve_group: BindGroupCache<([wgpu::Buffer; 2], [wgpu::TextureView; 4])>,
@@ -184,6 +187,7 @@ impl Counting {
             zero: buffer("no volumes around the eye", 8, wgpu::BufferUsages::STORAGE),
             unlimited: buffer("no limits of volumes", 16, wgpu::BufferUsages::STORAGE),
             doubtful: Doubtful::new(gpu)?,
+            scissor: [0; 4],
             target: None,
             draw_group: BindGroupCache::default(),
             resolve_group: BindGroupCache::default(),
@@ -207,8 +211,15 @@ impl Counting {
             light: light.to_array(),
             eye: view.eye.as_vec4().to_array(),
             begin: view.camera.eye.as_vec3().extend(1.0).to_array(),
-            how: [near as f32, contact, self.savings.instances() as f32, 0.0],
+            how: [near as f32, contact, self.savings.instances() as f32, self.savings.reach()],
             cast: view.cast(light.as_dvec4()).as_mat4().to_cols_array_2d(),
+        };
+        let (width, height) = samples.size();
+        self.scissor = match self.savings.reach {
+            Some(reach) if light.w != 0.0 => {
+                scissor(light.truncate().as_dvec3(), reach, view.camera.clip, (width, height))
+            }
+            _ => [0, 0, width, height],
         };
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&uniform));
         self.doubtful.prepare(gpu, triangles, light, eye, self.counter, contact)?;
@@ -358,6 +369,8 @@ impl Counting {
         };
         let mut pass = recorder.render_pass("volume/count", &[Some(doubts)], Some(stencil));
         pass.set_bind_group(0, group, &[]);
+        let [x, y, width, height] = self.scissor;
+        pass.set_scissor_rect(x, y, width, height);
         let draws = &draw.faces.draws;
         if draw.cast_caps {
             pass.set_pipeline(&self.cast_caps);

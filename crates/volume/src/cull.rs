@@ -76,8 +76,9 @@ impl Cull {
         samples: &ViewSamples,
         triangles: u32,
         light: Vec4,
+        reach: f32,
     ) -> Result<(), GpuError> {
-        self.receivers.prepare(gpu, Some(samples), light)?;
+        self.receivers.prepare(gpu, Some(samples), light, reach)?;
         let row;
         (self.dispatch, row) = dispatch(gpu, triangles);
         let (width, height) = samples.size();

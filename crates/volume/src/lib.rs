@@ -15,6 +15,8 @@ mod expectation;
 mod eye_counter;
 mod faces;
 mod light;
+mod litmap;
+pub mod reach;
 mod receivers;
 mod savings;
 pub mod silhouette;

@@ -1,6 +1,6 @@
 //! The frame as shadow volumes take it: a homogeneous light, a camera, triangles.
 
-use antumbra_gpu::{CasterTriangles, Frame, GpuError, ViewCamera, check_light};
+use antumbra_gpu::{CasterEdges, CasterTriangles, Frame, Gpu, GpuError, ViewCamera, check_light};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec4};
 
 /// The light as a homogeneous point relative to the frame's origin: (position, 1), or (unit direction towards it, 0).
@@ -37,6 +37,19 @@ pub(crate) fn triangles<'a>(frame: &Frame<'a>) -> Result<CasterTriangles<'a>, Gp
         value: "without triangles".to_owned(),
         fix: "implement `Casters::triangles`, or use a technique over a depth map",
     })
+}
+
+/// The edges of the casters.
+///
+/// # Errors
+/// Casters that keep them to themselves: `fix` says what to do.
+pub(crate) fn edges<'a>(
+    gpu: &Gpu,
+    frame: &Frame<'a>,
+    fix: &'static str,
+) -> Result<&'a CasterEdges, GpuError> {
+    let (what, value) = ("casters", "without edges".to_owned());
+    frame.casters.edges(gpu)?.ok_or(GpuError::Invalid { what, value, fix })
 }
 
 /// A camera, and where its lines of sight come from.

@@ -58,19 +58,20 @@ impl Receivers {
             gather: [pipeline("gather"), pipeline("gather_blocks")],
             boxes: [storage(gpu, "boxes", 0)?, storage(gpu, "boxes of boxes", 0)?],
             layout,
-            lit: gpu.buffer("light of receivers", &[0; 16], wgpu::BufferUsages::UNIFORM),
+            lit: gpu.buffer("light of receivers", &[0; 32], wgpu::BufferUsages::UNIFORM),
             size: None,
             group: BindGroupCache::default(),
         })
     }
 
     /// Makes room for boxes around `samples`; with `None`, nothing will be gathered. Of no interest are samples that face away
-    /// from the light, homogeneous.
+    /// from the light, homogeneous, or that are beyond its reach, metres, 0 without end.
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
         samples: Option<&ViewSamples>,
         light: Vec4,
+        reach: f32,
     ) -> Result<(), GpuError> {
         let Some(samples) = samples else {
             self.size = None;
@@ -85,7 +86,11 @@ impl Receivers {
             }
         }
         self.size = Some((width, height));
-        gpu.queue.write_buffer(&self.lit, 0, bytemuck::bytes_of(&light.to_array()));
+        gpu.queue.write_buffer(
+            &self.lit,
+            0,
+            bytemuck::bytes_of(&[light, Vec4::X * reach].map(|v| v.to_array())),
+        );
         let [fine, coarse] = &self.boxes;
         let views = [&samples.positions_view, &samples.normals_view].map(Clone::clone);
         self.group.get((views, fine.clone()), |([positions, normals], fine)| {

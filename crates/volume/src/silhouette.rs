@@ -212,7 +212,8 @@ impl Silhouettes {
             Some(kept) => faces.insert(kept),
             None => faces.insert(VolumeFaces::new(gpu, sizes[0].saturating_mul(3), sizes[0])?),
         };
-        self.receivers.prepare(gpu, request.receivers, request.light)?;
+        let reach = request.savings.reach_of_interest();
+        self.receivers.prepare(gpu, request.receivers, request.light, reach)?;
         self.side_scan.prepare(gpu, &work.side_places, sizes[1] + 1)?;
         self.cap_scan.prepare(gpu, &work.cap_places, sizes[0] + 1)?;
         let params = self.params(sizes, request);

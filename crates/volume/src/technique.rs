@@ -117,13 +117,15 @@ impl Technique for VolumeTechnique {
         self.producer.prepare(gpu, &triangles, light, eye, method, &mut self.faces)?;
         let contact = contact(frame);
         if let Some(cull) = &mut self.cull {
-            cull.prepare(gpu, frame.samples, triangles.triangles, light)?;
+            let reach = self.how.savings.reach_of_interest();
+            cull.prepare(gpu, frame.samples, triangles.triangles, light, reach)?;
         }
         if let (Some(clamp), Some(faces)) = (&mut self.clamp, &self.faces) {
             let count = triangles.triangles;
             faces.set_draws(gpu, 3 * count, count, self.how.savings.instances());
             let (samples, volumes) = (frame.samples, triangles.triangles);
-            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
+            let edges = self.how.savings.edges(gpu, frame)?;
+            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact, edges })?;
         }
         if let Some(pass) = &mut self.eye {
             pass.prepare(gpu, triangles.triangles, light, eye, method.number());
@@ -154,7 +156,8 @@ impl Technique for VolumeTechnique {
             cull.encode(gpu, recorder, &triangles, faces);
         }
         if let Some(clamp) = &mut self.clamp {
-            clamp.encode_triangles(gpu, recorder, &triangles, faces);
+            let edges = self.how.savings.edges(gpu, frame)?;
+            clamp.encode_triangles(gpu, recorder, &triangles, edges, faces);
         }
         if let Some(eye) = &mut self.eye {
             recorder.encoder.clear_buffer(self.counting.eye_count(), 0, None);
@@ -167,7 +170,8 @@ impl Technique for VolumeTechnique {
             triangles,
             faces,
             samples: frame.samples,
-            near_caps: self.how.near_caps,
+            // What begins later is to be closed there.
+            near_caps: self.how.near_caps || self.how.savings.near,
             far_caps,
             cast_caps: self.how.start == Start::NearPlane,
             eye: self.how.eye(),
@@ -197,7 +201,7 @@ impl Technique for VolumeTechnique {
             counters.extend([("casting_volumes", cull.read_left(gpu)?)]);
         }
         if let Some(clamp) = &self.clamp {
-            counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
+            counters.extend(clamp.read_counters(gpu)?);
         }
         Ok(counters)
     }

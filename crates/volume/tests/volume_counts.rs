@@ -24,11 +24,7 @@ fn stage(gpu: &Gpu, scene: &Scene, camera: Camera) -> Stage {
     Stage::new(gpu, scene, camera, VIEW, VIEW).expect("a stage")
 }
 
-fn counts(gpu: &Gpu, stage: &Stage, light: &Light, mut technique: VolumeTechnique) -> Vec<i32> {
-    counts_of(gpu, stage, light, &mut technique)
-}
-
-fn counts_of(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut VolumeTechnique) -> Vec<i32> {
+fn counts(gpu: &Gpu, stage: &Stage, light: &Light, technique: &mut VolumeTechnique) -> Vec<i32> {
     stage.shoot(gpu, light, technique, 0).expect("a shot");
     let buffer = technique.counts().expect("wide counters");
     let bytes = read_buffer(gpu, buffer, buffer.size()).expect("read back");
@@ -78,12 +74,12 @@ fn views() -> Vec<(&'static str, Scene, Light, [Camera; 3])> {
 #[test]
 fn a_count_behind_the_sample_is_the_number_of_volumes_around_it() {
     let gpu = gpu();
+    let mut z_fail = ZFail::default().technique(&gpu).expect("built");
     let mut compared = 0;
     for (name, scene, light, cameras) in views() {
         for camera in cameras {
             let stage = stage(&gpu, &scene, camera);
-            let found =
-                counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
+            let found = counts(&gpu, &stage, &light, &mut z_fail);
             let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
             let volumes: Vec<twin::Volume> =
                 corners(&stage).filter_map(|t| twin::Volume::new(at, t)).collect();
@@ -112,6 +108,10 @@ fn a_count_behind_the_sample_is_the_number_of_volumes_around_it() {
 #[test]
 fn counts_behind_and_in_front_differ_by_the_eyes_own() {
     let gpu = gpu();
+    let mut z_fail = ZFail::default().technique(&gpu).expect("built");
+    let z_pass = ZPass { near_caps: true, ..ZPass::default() };
+    let mut z_pass = z_pass.technique(&gpu).expect("built");
+    let mut auto = Auto::default().technique(&gpu).expect("built");
     let mut around = Vec::new();
     for (name, scene, light, cameras) in views() {
         for camera in cameras {
@@ -119,12 +119,9 @@ fn counts_behind_and_in_front_differ_by_the_eyes_own() {
             let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
             let eye = twin::count(at, corners(&stage), camera.eye - stage.triangles.origin) as i32;
             around.push(eye);
-            let behind =
-                counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
-            let z_pass = ZPass { near_caps: true, ..ZPass::default() };
-            let in_front = counts(&gpu, &stage, &light, z_pass.technique(&gpu).expect("built"));
-            let chosen =
-                counts(&gpu, &stage, &light, Auto::default().technique(&gpu).expect("built"));
+            let behind = counts(&gpu, &stage, &light, &mut z_fail);
+            let in_front = counts(&gpu, &stage, &light, &mut z_pass);
+            let chosen = counts(&gpu, &stage, &light, &mut auto);
             for (i, _) in facing(&stage, at) {
                 let place = || format!("{name}, {light:?}, {camera:?}, sample {i}");
                 assert_eq!(behind[i] - in_front[i], eye, "{}", place());
@@ -171,7 +168,7 @@ fn any_split_image_gives_the_same_counts() {
             let mut stage = stage(&gpu, &scene, camera);
             let at = homogeneous_light(&stage.frame(&light)).as_dvec4();
             let samples: Vec<usize> = facing(&stage, at).map(|(i, _)| i).collect();
-            let whole = counts_of(&gpu, &stage, &light, &mut z_fail);
+            let whole = counts(&gpu, &stage, &light, &mut z_fail);
             let all = stage.triangles.clone();
             let objects: Vec<[Vec<i32>; 2]> = all
                 .instances
@@ -181,8 +178,8 @@ fn any_split_image_gives_the_same_counts() {
                     stage.triangles.instances = std::iter::once(0..range.len()).collect();
                     stage.meshes =
                         MeshSet::from_triangles(&gpu, &stage.triangles).expect("an object");
-                    let behind = counts_of(&gpu, &stage, &light, &mut z_fail);
-                    let in_front = counts_of(&gpu, &stage, &light, &mut z_pass);
+                    let behind = counts(&gpu, &stage, &light, &mut z_fail);
+                    let in_front = counts(&gpu, &stage, &light, &mut z_pass);
                     let around = twin::count(at, corners(&stage), camera.eye - all.origin);
                     otherwise += usize::from(around > 0 && in_front != behind);
                     [behind.clone(), if around > 0 { behind } else { in_front }]
@@ -215,20 +212,20 @@ fn sheets(count: u32) -> Scene {
 fn the_wide_counter_goes_on_where_the_stencil_starts_anew() {
     let gpu = gpu();
     let light = Light::Directional { direction: DVec3::NEG_Y, angular_diameter: 0.0 };
+    let [mut wide, mut stencil] = [Counter::Wide, Counter::Stencil]
+        .map(|counter| ZFail { counter, ..ZFail::default() }.technique(&gpu).expect("built"));
     for count in [255, 256, 257, 300] {
         let scene = sheets(count);
         let camera = Camera { eye: DVec3::new(1.7, 1.5, 2.0), ..scene.framing_camera() };
         let camera = Camera { target: DVec3::ZERO, ..camera };
         let stage = stage(&gpu, &scene, camera);
-        let found = counts(&gpu, &stage, &light, ZFail::default().technique(&gpu).expect("built"));
+        let found = counts(&gpu, &stage, &light, &mut wide);
         let under = |p: Vec3| {
             p.y == 0.0
                 && p.x.abs().max(p.z.abs()) < 0.99
                 && (p.x - p.z).abs() > 0.01
                 && (p.x + p.z).abs() > 0.01
         };
-        let mut stencil =
-            ZFail { counter: Counter::Stencil, ..ZFail::default() }.technique(&gpu).expect("built");
         let shot = stage.shoot(&gpu, &light, &mut stencil, 0).expect("a shot");
         let dark: Vec<usize> = (0..found.len())
             .filter(|&i| stage.image.normals[i] != Vec3::ZERO && under(stage.image.positions[i]))

@@ -11,7 +11,7 @@ use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use antumbra_soft::{Bitmask, Occluders, OcclusionTextures, Pcss, SingleSample, Widths};
-use antumbra_volume::{Savings, Silhouette, ZFail};
+use antumbra_volume::{Savings, Silhouette, ZFail, ZPass};
 use anyhow::{Context as _, bail};
 use globset::Glob;
 
@@ -222,18 +222,30 @@ fn entries() -> Vec<Entry> {
 /// What is saved of volumes, each alone and all together; those that end in `tally` count fragments, too.
 fn savings() -> impl Iterator<Item = Entry> {
     let none = Savings::default();
+    let window = Savings { window: true, ..none };
+    let litmap = Savings { litmap: 256, ..window };
     let all = [
         ("tally", none),
         ("unculled-tally", none),
-        ("window-tally", Savings { window: true, ..none }),
-        ("slices-tally", Savings { window: true, slices: 16, ..none }),
+        ("window-tally", window),
+        ("slices-tally", Savings { slices: 16, ..window }),
         ("near-tally", Savings { near: true, ..none }),
         ("far-tally", Savings { far: true, ..none }),
+        ("litmap-tally", litmap),
+        ("hidden-tally", Savings { hidden: true, ..litmap }),
         ("clamped-tally", Savings::ALL),
-        ("window", Savings { window: true, ..none }),
+        ("window", window),
+        ("hidden", Savings { hidden: true, ..litmap }),
+        ("unculled", none),
         ("clamped", Savings::ALL),
     ];
-    all.into_iter().flat_map(|(suffix, savings)| {
+    // Beside z-fail as it is: what counts in front may leave nothing away.
+    let in_front = ["unculled", "unculled-tally"].into_iter().map(move |suffix| {
+        let savings = Savings { tally: suffix.ends_with("tally"), ..none };
+        let config = Config::VolumeZPass(ZPass { savings, ..Default::default() });
+        Entry { name: format!("{}-{suffix}", config.id()), config }
+    });
+    let behind = all.into_iter().flat_map(|(suffix, savings)| {
         let savings = Savings { tally: suffix.ends_with("tally"), ..savings };
         let culling = !suffix.starts_with("unculled");
         let volumes = [
@@ -241,7 +253,8 @@ fn savings() -> impl Iterator<Item = Entry> {
             Config::VolumeSilhouette(Silhouette { savings, culling, ..Default::default() }),
         ];
         volumes.map(|config| Entry { name: format!("{}-{suffix}", config.id()), config })
-    })
+    });
+    behind.chain(in_front)
 }
 
 /// Whether a suite runs the technique where none is asked for.

@@ -1,14 +1,14 @@
 //! Volumes by silhouettes, counted from the camera, as a technique.
 
 use antumbra_gpu::{
-    CasterEdges, Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
+    Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{FaceRequest, Meshes, Silhouettes, expectation};
 use crate::clamp::{Clamp, ClampRequest};
 use crate::count::{Counting, Draw, Eye, Request};
-use crate::light::{contact, homogeneous_light, triangles, viewer};
+use crate::light::{contact, edges, homogeneous_light, triangles, viewer};
 use crate::{Counter, Method, Savings, VolumeFaces};
 
 /// Shadow volumes by silhouettes: of the sides of all triangles' volumes only those that do not cancel.
@@ -112,13 +112,7 @@ impl SilhouetteTechnique {
     }
 }
 
-fn edges<'a>(gpu: &Gpu, frame: &Frame<'a>) -> Result<&'a CasterEdges, GpuError> {
-    frame.casters.edges(gpu)?.ok_or_else(|| GpuError::Invalid {
-        what: "casters",
-        value: "without edges".to_owned(),
-        fix: "implement `Casters::edges` with `CasterEdges`, or use `volume/z-fail`",
-    })
-}
+const USE_TRIANGLES: &str = "implement `Casters::edges` with `CasterEdges`, or use `volume/z-fail`";
 
 impl Technique for SilhouetteTechnique {
     fn prepare(&mut self, gpu: &Gpu, frame: &Frame<'_>) -> Result<(), GpuError> {
@@ -136,12 +130,13 @@ impl Technique for SilhouetteTechnique {
             receivers: self.config.culling.then_some(frame.samples),
             savings: self.config.savings,
         };
-        let edges = edges(gpu, frame)?;
+        let edges = edges(gpu, frame, USE_TRIANGLES)?;
         self.silhouettes.prepare(gpu, &triangles, edges, &request, &mut self.faces)?;
         let (eye, contact) = (view.eye.as_vec4(), contact(frame));
         if let Some(clamp) = &mut self.clamp {
             let (samples, volumes) = (frame.samples, edges.body_count);
-            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact })?;
+            let edges = Some(edges);
+            clamp.prepare(gpu, &ClampRequest { samples, volumes, light, eye, contact, edges })?;
         }
         let request =
             Request { samples: frame.samples, view, light, near: 0.0, eye: Eye::Apart, contact };
@@ -164,7 +159,7 @@ impl Technique for SilhouetteTechnique {
             });
         };
         if let Some(clamp) = &mut self.clamp {
-            clamp.encode_bodies(gpu, recorder, edges(gpu, frame)?);
+            clamp.encode_bodies(gpu, recorder, &triangles, edges(gpu, frame, USE_TRIANGLES)?);
         }
         self.silhouettes.encode(recorder)?;
         let draw = Draw {
@@ -180,7 +175,7 @@ impl Technique for SilhouetteTechnique {
         };
         self.counting.encode(gpu, recorder, &draw, visibility)?;
         let (width, height) = frame.samples.size();
-        let edges = edges(gpu, frame)?;
+        let edges = edges(gpu, frame, USE_TRIANGLES)?;
         self.counters = Counters::from([
             ("triangles", triangles.triangles.into()),
             ("edges", edges.count.into()),
@@ -203,7 +198,7 @@ impl Technique for SilhouetteTechnique {
             ("casting_bodies", bodies),
         ]);
         if let Some(clamp) = &self.clamp {
-            counters.extend([("casting_volumes", clamp.read_left(gpu)?)]);
+            counters.extend(clamp.read_counters(gpu)?);
         }
         counters.extend(self.counting.read_counters(gpu)?);
         Ok(counters)
