@@ -11,8 +11,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::shared::traced;
 
 use traced::{
-    Answer, Lookup, Model, Receiver, SNAP, any_hides, by_object, by_polygon, by_triangles, count,
-    receivers,
+    Lookup, Model, Receiver, SNAP, any_hides, by_object, by_polygon, by_triangles, count, receivers,
 };
 
 const VIEW: u32 = 160;

@@ -119,7 +119,7 @@ impl Plan {
 /// Prints every scene, light and technique there is.
 pub(super) fn list() {
     println!("Scenes (or any .glb, .gltf, .obj, .toml file):");
-    for (name, _, about) in generated() {
+    for (name, _, about) in all_generated() {
         println!("  {name:<24} {about}");
     }
     println!("Lights:");
@@ -132,7 +132,7 @@ pub(super) fn list() {
 }
 
 /// All generated scenes.
-fn generated() -> impl Iterator<Item = &'static generate::Entry> {
+fn all_generated() -> impl Iterator<Item = &'static generate::Entry> {
     use generate::{ALL, CONVEX, CUT_OUT, TRANSLUCENT};
     ALL.iter().chain(CONVEX).chain(CUT_OUT).chain(TRANSLUCENT)
 }
@@ -332,8 +332,7 @@ fn open_scene(name: &str, ground: bool) -> anyhow::Result<(Scene, String)> {
             (scene, stem.into_owned())
         }
         None => {
-            let all = generated();
-            let names: Vec<_> = all.map(|(name, ..)| *name).collect();
+            let names: Vec<_> = all_generated().map(|(name, ..)| *name).collect();
             bail!(
                 "no scene `{name}`; name a .glb, .gltf, .obj or .toml file, or one of: {}",
                 names.join(", ")
