@@ -49,8 +49,7 @@ fn by_depth(m: &Model, r: &Receiver, at: &Lookup, tolerance: f64) -> Option<bool
 
 /// A technique over a map of the traced kind: its name, the texels around its own, a side, at which it looks, and whether a
 /// sample is dark, if that is certain.
-type Traced =
-    (&'static str, Box<dyn TechniqueConfig>, i32, fn(&Model, &Receiver, &Lookup) -> Option<bool>);
+type Traced = (&'static str, Box<dyn TechniqueConfig>, i32, Answer);
 
 fn techniques() -> Vec<Traced> {
     let map = MapConfig { size: MAP, ..MapConfig::default() };
