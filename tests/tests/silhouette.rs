@@ -12,7 +12,7 @@ use antumbra_scene::{Camera, Light, LightKind, Scene};
 use antumbra_tests::gpu;
 use antumbra_volume::silhouette::twin::{determinant, magnitude, may_shadow, weights};
 use antumbra_volume::silhouette::{Counted, Meshes, Silhouette};
-use antumbra_volume::{Counter, Side, homogeneous_light};
+use antumbra_volume::{Counter, Savings, Side, homogeneous_light};
 use glam::{DAffine3, DVec3, Vec3, Vec4};
 
 const HARD: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Point];
@@ -32,9 +32,10 @@ fn shoot(gpu: &Gpu, stage: &Stage, light: &Light, config: &Silhouette) -> Vec<f3
 /// Every value of every option, and those that have to do with one another together.
 fn configs() -> [Silhouette; 4] {
     let usual = Silhouette::default();
+    let savings = Savings { litmap: 64, ..Savings::ALL };
     [
         Silhouette { culling: false, ..usual },
-        Silhouette { counter: Counter::Stencil, ..usual },
+        Silhouette { counter: Counter::Stencil, savings, ..usual },
         Silhouette { meshes: Meshes::Mixed, method: Counted::Choose, ..usual },
         Silhouette { meshes: Meshes::Mixed, counter: Counter::Stencil, ..usual },
     ]
