@@ -111,9 +111,41 @@ fn something_is_said_of_these_techniques_on_every_case() {
     assert!(all.is_empty(), "nothing said of\n{}", all.join("\n"));
 }
 
+/// Filters that keep depth as it is and compare it anew for each lookup.
+fn compares(config: &Config) -> bool {
+    config.id().starts_with("filter/pcf") || config.id() == "filter/interleaved"
+}
+
+/// Checks on small maps what `which` keeps: in parts, so that no core waits for the last of all.
+fn check_small(which: fn(&Config) -> bool) {
+    check(128, |case| !is_placed(case), which);
+}
+
 #[test]
-fn all_is_as_expected_on_small_maps() {
-    check(128, |case| !is_placed(case), |_| true);
+fn maps_are_as_expected_on_small_maps() {
+    check_small(|config| config.id().starts_with("map/"));
+}
+
+#[test]
+fn comparing_filters_are_as_expected_on_small_maps() {
+    check_small(compares);
+}
+
+#[test]
+fn stores_are_as_expected_on_small_maps() {
+    check_small(|config| config.id().starts_with("filter/") && !compares(config));
+}
+
+#[test]
+fn soft_shadows_are_as_expected_on_small_maps() {
+    check_small(|config| config.id().starts_with("soft/"));
+}
+
+#[test]
+fn all_else_is_as_expected_on_small_maps() {
+    check_small(|config| {
+        !["map/", "filter/", "soft/"].iter().any(|family| config.id().starts_with(family))
+    });
 }
 
 /// What is looked up in a map does not ask where its samples went: all others run on these cases in

@@ -11,7 +11,8 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::shared::traced;
 
 use traced::{
-    Lookup, Model, Receiver, SNAP, any_hides, by_object, by_polygon, by_triangles, count, receivers,
+    Answer, Lookup, Model, Receiver, SNAP, any_hides, by_object, by_polygon, by_triangles, count,
+    receivers,
 };
 
 const VIEW: u32 = 160;
