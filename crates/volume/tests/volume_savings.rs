@@ -167,6 +167,11 @@ fn what_is_hidden_from_the_light_casts_nothing() {
             let [all, left] = [&mut open[i], &mut hidden[i]]
                 .map(|t| stage.shoot(&gpu, &light, t.as_mut(), 0).expect("a shot"));
             assert!(all.visibility == left.visibility, "wall {wall}, technique {i}: other bits");
+            if i == 0 {
+                // Batches of 64 triangles, each of which has boxes of 16 x 16 pixels to ask.
+                let (asked, batches) = (all.counters["asked_boxes"], all.counters["volumes"] / 64);
+                assert!(asked > 0 && asked * 2 < batches * 16, "{asked} boxes, {batches} batches");
+            }
             let [all, left] = [all, left].map(|shot| shot.counters["casting_volumes"]);
             // Of a floor and a wall there are 14 triangles, or two bodies.
             let (few, many) = ([14, 2][i], [1000, 100][i]);
