@@ -42,6 +42,7 @@ mod silhouette;
 mod single_sample;
 mod soft;
 mod soft_bounds;
+mod soft_cases;
 mod soft_exact;
 mod soft_twins;
 mod stability;

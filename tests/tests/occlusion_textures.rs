@@ -7,8 +7,8 @@ use antumbra_filter::PcfGrid;
 use antumbra_gpu::Gpu;
 use antumbra_map::Plain;
 use antumbra_measure::Stage;
-use antumbra_reference::ViewSample;
-use antumbra_scene::{Light, Scene, generate};
+use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
+use antumbra_scene::{Light, LightKind, Scene, generate};
 use antumbra_soft::twin::occlusion::{Slices, planes};
 use antumbra_soft::{Fusion, OcclusionTextures, Placement, Prefilter};
 use antumbra_tests::gpu;
@@ -110,7 +110,7 @@ fn the_shader_is_its_twin_behind_two_plates() {
             // As the store has them: to a little behind the farther plate.
             let near = 4.0;
             let planes =
-                planes((near, near + 2.0 * (1.0 + 1e-4)), 10.0, 5, Placement::Uniform, false);
+                planes((near, near + 2.0 * (1.0 + 1e-4)), 10.0, 5, Placement::Uniform, &[], false);
             // As far off as h (z + d) / d is the half side of what the plates fill: at most 1.8 at 6 m.
             let stand_off = if offset {
                 let by = |h: f64, e: f64| if e > h { (h * 6.0 / (e - h)).min(24.0) } else { 24.0 };
@@ -287,4 +287,25 @@ fn tables_are_exact_n_buffers_nearly_and_mipmaps_less() {
     // Between powers of two a box is the sum of two, of which one is up to half too small and the other up to twice too
     // large: a ramp of twice the width differs from the ramp by a quarter at most, and on this line by half that at most.
     assert!(n_buffer < 0.125 && mip < 0.25, "{n_buffer} {mip}");
+}
+
+#[test]
+fn slices_before_what_is_seen_keep_the_shadows_of_a_deep_scene() {
+    let gpu = gpu();
+    let scene = generate::street();
+    let stage = seen(&gpu, &scene, 64);
+    let light = scene.light_or_placed(LightKind::Rect);
+    let truth = stage.truth(&light, &TruthOptions { light_samples: 64, ..Default::default() });
+    let error = |placement| {
+        let config = OcclusionTextures { placement, ..textures(512) };
+        let found = shoot(&gpu, &stage, &light, &Config::OcclusionTextures(config));
+        let all = found.iter().zip(&truth.visibility).zip(&truth.class);
+        let counted = all.filter(|(_, class)| **class == SampleClass::Counted);
+        let squares: Vec<f64> = counted.map(|((a, b), _)| f64::from(a - b).powi(2)).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    // Equal slices, which are thicker than the houses are high, leave most of what is seen in the slice of its own caster.
+    let (seen, uniform) = (error(Placement::Seen), error(Placement::Uniform));
+    assert!(uniform > 0.3, "equal slices are off by {uniform} only");
+    assert!(seen < 0.25 * uniform, "off by {seen}, equal slices by {uniform}");
 }

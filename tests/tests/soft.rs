@@ -272,9 +272,9 @@ fn bounds_of_depth_change_no_answer_and_leave_the_penumbra_to_evaluate() {
     let looked_at = |shots: &[(Vec<f32>, Counters)]| -> u64 {
         shots.iter().map(|(_, counters)| counters["occluders"]).sum()
     };
-    // A sun's windows grow with the depth range and not beyond it: there the pyramid saves least.
+    // The near plane, which is fitted to the casters that matter, leaves the pyramid a quarter to save at least.
     let all = [looked_at(&without), looked_at(&each[0])];
-    assert!(2 * all[1] < all[0], "occluders looked at: {all:?}");
+    assert!(4 * all[1] < 3 * all[0], "occluders looked at: {all:?}");
 }
 
 #[test]

@@ -95,7 +95,7 @@ const FLOOR: f64 = 60.0;
 fn sliced(sheets: &[Sheet], x: f64, count: u32) -> f64 {
     let near = sheets.iter().map(|s| s.2).fold(10.0, f64::min);
     let far = near + (10.0 - near) * (1.0 + 1e-4);
-    let planes = planes((near, far), 10.0, count, Placement::Uniform, false);
+    let planes = planes((near, far), 10.0, count, Placement::Uniform, &[], false);
     let stand_off = 10.0 / (FLOOR - 1.0);
     let covered = |k: usize, center: DVec2, half: DVec2| {
         let begin = if k == 0 { 0.0 } else { planes[k - 1] };

@@ -89,6 +89,9 @@ struct Stand<'a> {
     /// All casters.
     points: &'a [DVec3],
     sight: Option<&'a Sight<'a>>,
+    /// Half-spaces (points relative to the origin) around the receivers of a light with an extent, of which every point
+    /// counts; without them only the light's centre does.
+    served: Option<&'a [DVec4]>,
     fitting: &'a Fitting,
 }
 
@@ -138,7 +141,8 @@ pub fn fit_seen(
     let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
     // On a map that the kernel fills, every caster counts.
     let sight = sight.filter(|_| fitting.usable() >= 1.0);
-    let stand = |back| Stand { light, basis: basis(back), points: &points, sight, fitting };
+    let served = None;
+    let stand = |back| Stand { light, basis: basis(back), points: &points, sight, served, fitting };
     let place = |p: DVec3| (p - fitting.origin).extend(1.0);
     Ok(match *light {
         Light::Directional { direction, .. } => {
@@ -176,8 +180,43 @@ pub fn fit_perspective(
 ) -> SeenView {
     let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
     let sight = sight.filter(|_| fitting.usable() >= 1.0);
-    let stand = Stand { light, basis, points: &points, sight, fitting };
+    let stand = Stand { light, basis, points: &points, sight, served: None, fitting };
     SeenView::new(eye.extend(1.0), stand.perspective(eye, tan_limit))
+}
+
+/// As [`fit_perspective`], for a light with an extent: casters count that hide any point of it from visible receivers within
+/// the half-spaces `served` (points relative to the origin), wherever the light's centre sees these. So the window is that
+/// of the casters between light and receivers, as wide as the light at the light and no wider than the receivers at these.
+#[must_use]
+pub fn fit_wide(
+    light: &Light,
+    (eye, basis, tan_limit): (DVec3, DMat3, DVec2),
+    served: &[DVec4],
+    hull: &[DVec3],
+    sight: Option<&Sight<'_>>,
+    fitting: &Fitting,
+) -> SeenView {
+    let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
+    let sight = sight.filter(|_| fitting.usable() >= 1.0);
+    let served = Some(served);
+    let stand = Stand { light, basis, points: &points, sight, served, fitting };
+    SeenView::new(eye.extend(1.0), stand.perspective(eye, tan_limit))
+}
+
+/// As [`fit_wide`], for a directional light along `direction` (a unit vector), of whose angle every direction counts.
+#[must_use]
+pub fn fit_wide_sun(
+    light: &Light,
+    direction: DVec3,
+    hull: &[DVec3],
+    sight: Option<&Sight<'_>>,
+    fitting: &Fitting,
+) -> SeenView {
+    let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
+    let sight = sight.filter(|_| fitting.usable() >= 1.0);
+    let (basis, served) = (basis(-direction), Some(&[][..]));
+    let stand = Stand { light, basis, points: &points, sight, served, fitting };
+    SeenView::new((-direction).extend(0.0), stand.orthographic())
 }
 
 /// Rows of a right-handed light basis: right, up, and `back`, the unit vector towards the light.
@@ -273,6 +312,22 @@ impl Sight<'_> {
 }
 
 impl Stand<'_> {
+    /// What of the window of casters that matter has to be in the map: what receivers look at on their way to the light's
+    /// centre, or to all of it.
+    fn window_of(
+        &self,
+        casters: (f64, f64),
+        receivers: impl Fn() -> (f64, f64),
+    ) -> Option<(f64, f64)> {
+        if self.served.is_some() { Some(casters) } else { shared(casters, receivers()) }
+    }
+
+    /// The half-spaces by which what is drawn is culled: none where receivers are, if windows reach beyond what is seen, as
+    /// they do towards a light with an extent.
+    fn culled_by(&self, volume: Vec<DVec4>) -> Vec<DVec4> {
+        if self.served.is_some() && self.fitting.receivers { Vec::new() } else { volume }
+    }
+
     fn orthographic(&self) -> Option<Fit> {
         let (basis, points, fitting) = (&self.basis, self.points, self.fitting);
         if points.is_empty() {
@@ -299,7 +354,8 @@ impl Stand<'_> {
             };
             let needed = sight.needed(self.light, &[], widest, fitting)?;
             for (i, seen) in seen.iter_mut().enumerate() {
-                *seen = Some(shared(axis(&needed.casters, i), axis(&needed.receivers, i))?);
+                let receivers = || axis(&needed.receivers, i);
+                *seen = Some(self.window_of(axis(&needed.casters, i), receivers)?);
             }
             let (lo, hi) = axis(&needed.casters, 2);
             // In eighths of the range, rounded to a power of two, which cost the map no resolution.
@@ -307,7 +363,7 @@ impl Stand<'_> {
             let step = range * ((hi - lo + 2.0 * pad) / range).log2().floor().exp2() / 8.0;
             far = far.max(end + ((lo - pad - end) / step).floor() * step);
             near = near.min(end + ((hi + pad - end) / step).ceil() * step);
-            volume = needed.volume;
+            volume = self.culled_by(needed.volume);
             let (lo, _) = axis(&needed.receivers, 2);
             last = Some(end + ((lo - pad - end) / step).floor() * step);
             ends = Some([near, far, far]);
@@ -351,12 +407,13 @@ impl Stand<'_> {
                 farthest * fitting.texel(extent.max(widest * LEAST_SHARE))
             };
             let cone = cone(eye, &basis, tan_limit);
-            let needed = sight.needed(self.light, &cone, widest, fitting)?;
+            let served = self.served.unwrap_or(&cone);
+            let needed = sight.needed(self.light, served, widest, fitting)?;
             let (receivers, casters) = (local(&needed.receivers), local(&needed.casters));
             let receivers = Frontal::of(&receivers, tan_limit)?;
             let matter = Frontal::of(&casters, tan_limit)?;
             for (i, seen) in seen.iter_mut().enumerate() {
-                *seen = Some(shared(matter.window[i], receivers.window[i])?);
+                *seen = Some(self.window_of(matter.window[i], || receivers.window[i])?);
             }
             near *= (matter.near / near).log2().floor().exp2();
             let step = |distance: f64| {
@@ -372,7 +429,7 @@ impl Stand<'_> {
             }
             let tilt = needed.margin / receivers.farthest;
             let widened = |plane: &DVec4| tilted(plane, needed.margin, tilt, (eye, -basis.row(2)));
-            volume = needed.volume.iter().map(widened).collect();
+            volume = self.culled_by(needed.volume.iter().map(widened).collect());
             ends = Some([near, casters, far].map(|distance| eye - basis.row(2) * distance));
         }
         let window = |i: usize| {
@@ -442,8 +499,9 @@ fn tilted(plane: &DVec4, margin: f64, tilt: f64, (eye, front): (DVec3, DVec3)) -
     turned.extend(-turned.dot(eye) + margin / 64.0)
 }
 
-/// The half-spaces of the view from `eye` down -z of `basis`.
-fn cone(eye: DVec3, basis: &DMat3, tan_limit: DVec2) -> [DVec4; 4] {
+/// The half-spaces of the view from `eye` down -z of `basis`, of so wide half-angle tangents.
+#[must_use]
+pub fn cone(eye: DVec3, basis: &DMat3, tan_limit: DVec2) -> [DVec4; 4] {
     let (a, b, front) = (basis.row(0), basis.row(1), -basis.row(2));
     let (x, y) = (tan_limit.x, tan_limit.y);
     [(a, x), (-a, x), (b, y), (-b, y)].map(|(aside, tan_limit)| {

@@ -44,7 +44,8 @@ pub use caster_depth::{CasterDepth, Faces, PolygonOffset};
 pub use estimator::{Estimator, MapRead};
 pub use expectation::{expectation, without_holes};
 pub use fit::{
-    FittedView, Fitting, Needed, SeenView, Sight, basis, fit, fit_perspective, fit_seen,
+    FittedView, Fitting, Needed, SeenView, Sight, basis, cone, fit, fit_perspective, fit_seen,
+    fit_wide, fit_wide_sun,
 };
 pub use layout::{Arrange, Drawing, Layout, Refit};
 pub use linear::LinearDepth;

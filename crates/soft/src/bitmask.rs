@@ -158,7 +158,7 @@ impl TechniqueConfig for Bitmask {
         }
         check_map(&self.map, self.window.hierarchy)?;
         let store = Box::new(AreaStore::with(gpu, &self.window, None, self.layers)?);
-        let arrange = Box::new(Facing { hard: self.map.omni });
+        let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
         // Peeling finds the depths of the first layer again, from the same triangles.
         let first = CasterDepth::new(gpu, Faces::Both, PolygonOffset::default())?;
         let map = MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?;

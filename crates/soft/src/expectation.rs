@@ -89,10 +89,10 @@ pub(crate) fn over_a_map(map: &MapConfig, accuracy: &Accuracy, case: &str) -> Op
     })
 }
 
-/// What theory says of slices, `count` of them at equal distances.
-pub(crate) fn of_slices(map: &MapConfig, count: u32, case: &str) -> Option<Expectation> {
+/// What theory says of slices, none thicker than of `count` at equal distances.
+pub(crate) fn of_slices(map: &MapConfig, count: f64, case: &str) -> Option<Expectation> {
     use Expectation::Holds;
-    let (size, count) = (f64::from(map.size), f64::from(count));
+    let size = f64::from(map.size);
     // An edge that is moved by e towards the receiver moves on the light by at most e z_p / (z (z_p - z)) of it.
     let moved = |e: f64, z: f64, receiver: f64| e * receiver / (z * (receiver - z));
     Some(match case {
@@ -103,7 +103,7 @@ pub(crate) fn of_slices(map: &MapConfig, count: u32, case: &str) -> Option<Expec
         "area light, contact" => {
             let texel = 2.0 * (9.0 + 24.0 + 1.0) / 24.0 / size;
             let open = |k: u32| 1.0 - (texel / (0.2 * (1.0 - f64::from(k) / count))).min(1.0);
-            let walls: f64 = (1..count as u32).map(open).product();
+            let walls: f64 = (1..count.ceil() as u32).map(open).product();
             Holds { bound: (moved(1.0 / count, 9.0, 10.0) + 1.0 - walls).min(1.0) }
         }
         "area light, caster at it" => Holds { bound: ROUNDING },

@@ -1,18 +1,21 @@
 //! Views from the centre of an area light: a cube turned as the light is.
 
 use antumbra_gpu::{Frame, GpuError, check_light};
-use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_perspective, fit_seen};
+use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, cone, fit_wide, fit_wide_sun};
 use antumbra_scene::Light;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, DVec4};
 
 /// One view for a wide sun; six for a sphere, a rectangle or a disc, of which two are parallel to it. A light without an
 /// extent has the views of [`Omni`].
 ///
-/// All casters count, seen or not: what hides a part of the light from a receiver need not lie on the way to its centre.
+/// A view's window is that of the casters that hide any point of the light from visible receivers: which need not lie on the
+/// way to the light's centre.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Facing {
     /// Layout of point lights, and of lights of size 0.
     pub hard: Omni,
+    /// Whether all casters count, for what measures how far it is to a shadow's border, wherever that falls.
+    pub whole: bool,
 }
 
 /// The half width of a face, tangent of an angle: 90 degrees' and the room for search windows beyond, which grow without
@@ -43,26 +46,42 @@ impl Arrange for Facing {
         if light.is_hard() {
             return self.hard.fit(frame, hull, sight, fitting);
         }
-        let Some(center) = light.position() else {
-            return fit_seen(light, hull, None, fitting);
-        };
+        let sight = sight.filter(|_| !self.whole);
         check_light(light)?;
+        let center = match *light {
+            Light::Directional { direction, .. } => {
+                let direction = direction.normalize();
+                return Ok(vec![fit_wide_sun(light, direction, hull, sight, fitting)]);
+            }
+            _ => light.position().unwrap_or_default(),
+        };
         let extent = half_sides(light).iter().map(|half| half.length()).sum::<f64>();
-        let axes = axes(light);
-        let face = |(axis, up): (DVec3, DVec3)| {
+        let eye = center - fitting.origin;
+        let face = |(axis, basis): (DVec3, DMat3)| {
             let nearest = hull.iter().map(|p| axis.dot(*p - center)).fold(f64::INFINITY, f64::min);
             let room = if nearest > 0.0 { extent / nearest } else { WIDEST };
             let tan_limit = DVec2::splat((1.0 + room).min(WIDEST));
-            let back = -axis;
-            let basis = DMat3::from_cols(up.cross(back), up, back).transpose();
-            let eye = center - fitting.origin;
             // A face that no caster lies in has no view.
             let hull = if in_reach(hull, center, &basis, tan_limit.x) { hull } else { &[] };
-            fit_perspective(light, (eye, basis, tan_limit), hull, None, fitting)
+            let served = face_of(eye, &basis);
+            fit_wide(light, (eye, basis, tan_limit), &served, hull, sight, fitting)
         };
-        let [u, v, n] = axes;
-        Ok([(u, v), (-u, v), (v, n), (-v, n), (n, v), (-n, v)].map(face).to_vec())
+        Ok(faces(light).map(face).to_vec())
     }
+}
+
+/// The axes of the six faces around a light, and their bases: rows are right, up and back.
+pub(crate) fn faces(light: &Light) -> [(DVec3, DMat3); 6] {
+    let [u, v, n] = axes(light);
+    [(u, v), (-u, v), (v, n), (-v, n), (n, v), (-n, v)].map(|(axis, up)| {
+        let back = -axis;
+        (axis, DMat3::from_cols(up.cross(back), up, back).transpose())
+    })
+}
+
+/// The half-spaces around the receivers that look into the face of a light at `eye` with that basis.
+pub(crate) fn face_of(eye: DVec3, basis: &DMat3) -> [DVec4; 4] {
+    cone(eye, basis, DVec2::ONE)
 }
 
 /// Whether some of the hull of `points` may lie in the pyramid from `eye` down -z of `basis`, of half-angle tangent `tan`: not

@@ -1,12 +1,12 @@
 //! Views from behind a flat light, into slices parallel to it.
 
 use antumbra_gpu::{Frame, GpuError, check_light};
-use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_perspective};
+use antumbra_map::{Arrange, Fitting, Layout, Omni, SeenView, Sight, fit_wide};
 use antumbra_scene::Light;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, DVec4};
 
 use crate::Facing;
-use crate::facing::{axes, half_sides};
+use crate::facing::{axes, face_of, faces, half_sides};
 
 /// Two views of a rectangle or a disc, of what lies before it and behind, each from a point off the other side. Others
 /// have the views of [`Facing`].
@@ -29,6 +29,21 @@ const WIDEST: f64 = 8.0;
 const FARTHEST: f64 = 4.0;
 
 impl Offset {
+    fn facing(&self) -> Facing {
+        Facing { hard: self.hard, whole: false }
+    }
+
+    /// Half-spaces around the receivers of a view, by its number; points are relative to `origin`.
+    pub(crate) fn served(light: &Light, view: usize, origin: DVec3) -> Vec<DVec4> {
+        let Some(center) = light.position() else { return Vec::new() };
+        let center = center - origin;
+        if Self::is_flat(light) {
+            let [.., n] = axes(light);
+            return vec![before(center, if view == 0 { n } else { -n })];
+        }
+        faces(light).get(view).map_or_else(Vec::new, |(_, basis)| face_of(center, basis).to_vec())
+    }
+
     fn is_flat(light: &Light) -> bool {
         !light.is_hard() && matches!(light, Light::Rect { .. } | Light::Disc { .. })
     }
@@ -39,7 +54,7 @@ impl Arrange for Offset {
         if Self::is_flat(light) {
             return Layout::of_matrices("soft::layout_sides", 2);
         }
-        Facing { hard: self.hard }.layout(light)
+        self.facing().layout(light)
     }
 
     fn fit(
@@ -50,7 +65,7 @@ impl Arrange for Offset {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError> {
         let light = frame.light;
-        let facing = Facing { hard: self.hard };
+        let facing = self.facing();
         let (true, Some(center)) = (Self::is_flat(light), light.position()) else {
             return facing.fit(frame, hull, sight, fitting);
         };
@@ -58,14 +73,22 @@ impl Arrange for Offset {
         // Its checks of the light's size, too.
         facing.fit(frame, &[], None, fitting)?;
         let [u, v, n] = axes(light);
+        let sight = sight.filter(|_| fitting.usable() >= 1.0);
         let side = |(axis, right): (DVec3, DVec3)| {
-            let stand_off = if self.offset { stand_off(light, hull, center, axis) } else { 0.0 };
+            let served = [before(center - fitting.origin, axis)];
+            let stand_off = if self.offset {
+                let matter = sight.and_then(|sight| sight.needed(light, &served, |_| 0.0, fitting));
+                let matter = matter.map(|needed| needed.casters);
+                stand_off(light, hull, matter.as_deref(), (center, axis), fitting.origin)
+            } else {
+                0.0
+            };
             let eye = center - axis * stand_off - fitting.origin;
             let basis = DMat3::from_cols(right, v, -axis).transpose();
             let any = hull.iter().any(|p| axis.dot(*p - center) > 0.0);
             let hull = if any { hull } else { &[] };
-            let mut seen =
-                fit_perspective(light, (eye, basis, DVec2::splat(WIDEST)), hull, None, fitting);
+            let stand = (eye, basis, DVec2::splat(WIDEST));
+            let mut seen = fit_wide(light, stand, &served, hull, sight, fitting);
             // Whatever it is seen from, it is lit from the light.
             seen.view.light = (center - fitting.origin).extend(1.0);
             seen
@@ -77,16 +100,40 @@ impl Arrange for Offset {
 /// How far behind a light the pyramid through its outline has its tip if it is to hold the casters before it: h / d is
 /// the tangent of its half aperture, and h (z + d) / d the half side of what it holds at z. Never so near that the widest
 /// view would cut off what a receiver within it looks up at z, which reaches out to h + z times that view's tangent.
-fn stand_off(light: &Light, hull: &[DVec3], center: DVec3, axis: DVec3) -> f64 {
+///
+/// Of the casters those count that `matter` (relative to `origin`), where that is known. As these follow the camera, the
+/// distance then comes in steps of the root of two, so that images stand still between them.
+fn stand_off(
+    light: &Light,
+    hull: &[DVec3],
+    matter: Option<&[DVec3]>,
+    (center, axis): (DVec3, DVec3),
+    origin: DVec3,
+) -> f64 {
     let sides = half_sides(light);
-    let before = || hull.iter().map(|p| *p - center).filter(|p| axis.dot(*p) > 0.0);
-    let farthest = before().map(|p| axis.dot(p)).fold(0.0, f64::max);
-    let limit = FARTHEST * farthest;
+    let before = |points: &[DVec3], center: DVec3| -> Vec<DVec3> {
+        points.iter().map(|p| *p - center).filter(|p| axis.dot(*p) > 0.0).collect()
+    };
+    let reach = |points: &[DVec3]| points.iter().map(|p| axis.dot(*p)).fold(0.0, f64::max);
+    let all = before(hull, center);
+    let limit = FARTHEST * reach(&all);
+    let points = matter.map_or_else(|| all.clone(), |matter| before(matter, center - origin));
+    let farthest = reach(&points);
     let along = |half: DVec3| {
         let h = half.length();
-        let e = before().map(|p| half.normalize_or_zero().dot(p).abs()).fold(0.0, f64::max);
+        let aside = points.iter().map(|p| half.normalize_or_zero().dot(*p).abs());
+        let e = aside.fold(0.0, f64::max);
         if e > h { (h * farthest / (e - h)).min(limit) } else { limit }
     };
     let least = sides.into_iter().map(DVec3::length).fold(0.0, f64::max) / WIDEST;
-    sides.into_iter().map(along).fold(limit, f64::min).max(least)
+    let found = sides.into_iter().map(along).fold(limit, f64::min);
+    let steps = ((found / limit).log2() * 2.0).floor();
+    let stepped =
+        if matter.is_some() && steps.is_finite() { limit * (0.5 * steps).exp2() } else { found };
+    stepped.max(least)
+}
+
+/// The half-space before a flat light at `center`.
+fn before(center: DVec3, axis: DVec3) -> DVec4 {
+    axis.extend(-axis.dot(center))
 }

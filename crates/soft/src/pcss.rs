@@ -121,9 +121,21 @@ pub(crate) fn build(
     estimator: Estimator,
     window: &Window,
 ) -> Result<Box<dyn Technique>, GpuError> {
+    let facing = Facing { hard: map.omni, whole: false };
+    build_by(gpu, map, facing, estimator, window)
+}
+
+/// The technique of an estimator of this crate over the views of `facing`.
+pub(crate) fn build_by(
+    gpu: &Gpu,
+    map: &MapConfig,
+    facing: Facing,
+    estimator: Estimator,
+    window: &Window,
+) -> Result<Box<dyn Technique>, GpuError> {
     check_map(map, window.hierarchy)?;
     let store = Box::new(AreaStore::new(gpu, window)?);
-    let arrange = Box::new(Facing { hard: map.omni });
+    let arrange = Box::new(facing);
     Ok(Box::new(MapTechnique::arranged_with_store(gpu, map, estimator, arrange, store)?))
 }
 

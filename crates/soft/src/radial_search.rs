@@ -4,8 +4,8 @@ use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{Estimator, MapConfig};
 use serde::{Deserialize, Serialize};
 
-use crate::pcss::build;
-use crate::{Window, expectation};
+use crate::pcss::build_by;
+use crate::{Facing, Window, expectation};
 
 /// Single-sample soft shadows (Brabec, Seidel 2002): the distance in the map to the nearest texel of which the other is true,
 /// hidden or lit, in penumbrae of the occluder there. Exact behind one straight edge; where several occluders count, the
@@ -32,7 +32,9 @@ impl RadialSearch {
 
 impl TechniqueConfig for RadialSearch {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        build(gpu, &self.map, self.estimator()?, &self.window)
+        // The nearest lit texel may lie beyond the casters that matter.
+        let facing = Facing { hard: self.map.omni, whole: true };
+        build_by(gpu, &self.map, facing, self.estimator()?, &self.window)
     }
 
     fn set_map_size(&mut self, size: u32) {

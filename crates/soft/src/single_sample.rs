@@ -138,7 +138,7 @@ impl TechniqueConfig for SingleSample {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
         let estimator = self.estimator()?;
         let store = Box::new(WidthStore::new(gpu, self)?);
-        let arrange = Box::new(Facing { hard: self.map.omni });
+        let arrange = Box::new(Facing { hard: self.map.omni, whole: true });
         Ok(Box::new(MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?))
     }
 

@@ -2,14 +2,15 @@
 
 use antumbra_gpu::{
     Anchor, Beyond, BindGroupCache, BlurShader, Counters, Frame, Gpu, GpuError, LayerJob, Layers,
-    LightView, Pyramid, PyramidKind, Recorder, Sat, SatNumbers, SatShader, bind, entries,
-    light_view_layout,
+    LightView, Pyramid, PyramidKind, Recorder, Sat, SatNumbers, SatShader, ViewCamera, bind,
+    entries, light_view_layout,
 };
-use antumbra_map::{DepthConvention, ShadowMap, Store};
+use antumbra_map::{BodyBoxes, DepthConvention, Fitting, ShadowMap, Sight, Store};
 use antumbra_scene::Bounds;
-use glam::{DMat4, DVec3, DVec4, Mat4};
+use glam::{DMat4, DVec2, DVec3, DVec4, Mat4};
 
-use crate::occlusion::{MAX_SLICES, OcclusionTextures, Prefilter};
+use crate::occlusion::{MAX_SLICES, OcclusionTextures, Placement, Prefilter};
+use crate::offset::Offset;
 use crate::store::{AreaLight, VIEWS};
 use crate::twin::View;
 use crate::twin::occlusion::{fade_length, planes};
@@ -46,6 +47,7 @@ pub(crate) struct SliceStore {
     averages: Averages,
     jobs: Vec<LayerJob>,
     drawn: Vec<Slice>,
+    boxes: BodyBoxes,
     nothing: wgpu::TextureView,
     group: BindGroupCache<wgpu::TextureView>,
     is_hard: bool,
@@ -167,6 +169,7 @@ impl SliceStore {
             averages: Averages::new(gpu, config.prefilter)?,
             jobs: Vec::new(),
             drawn: Vec::new(),
+            boxes: BodyBoxes::default(),
             nothing: images(gpu, 1, 1)?.whole,
             group: BindGroupCache::default(),
             is_hard: true,
@@ -182,14 +185,33 @@ impl SliceStore {
         if !frame.casters.bodies(&mut |body| receivers.extend(body.parts)) {
             receivers.clear();
         }
+        let region = self.boxes.visible_region(frame);
+        let sight = region.as_ref().map(|region| Sight { region, casters: self.boxes.casters() });
+        let fitting = Fitting {
+            origin: frame.origin,
+            size: map.size(),
+            guard: map.guard(),
+            receivers: false,
+        };
+        let looked_at = match (self.config.placement, frame.camera) {
+            (Placement::Seen, Some(camera)) => looked_at(&camera, &receivers, frame.origin),
+            _ => Vec::new(),
+        };
         let mut all = Vec::new();
-        for clip in map.views().iter().filter_map(|view| view.clip).take(VIEWS) {
+        let clips = map.views().iter().enumerate();
+        let clips = clips.filter_map(|(number, view)| Some((number, view.clip?)));
+        for (number, clip) in clips.take(VIEWS) {
             let view = View::new(&clip, f64::from(map.size()), light);
             let (axis, parallel) = (view.z, !view.perspective);
             let along = |p: DVec3| axis.dot(p - center);
-            let depths = || map.hull().iter().map(|p| along(*p));
-            let far = depths().fold(f64::NEG_INFINITY, f64::max);
-            let near = depths().fold(f64::INFINITY, f64::min);
+            let ends = |points: &[DVec3]| span(points.iter().map(|p| along(*p)));
+            let (mut near, mut far) = ends(map.hull());
+            // What matters for what is seen: slices elsewhere would be wasted.
+            let served = Offset::served(light, number, frame.origin);
+            let needed = sight.as_ref().and_then(|s| s.needed(light, &served, |_| 0.0, &fitting));
+            if let Some(needed) = &needed {
+                (near, far) = in_steps((near, far), ends(&needed.casters));
+            }
             // Where the first slice begins: no caster behind the light hides any of it. Planes lie a ten-thousandth of the way
             // off at least.
             let first = if parallel { near } else { near.max(0.0) };
@@ -198,21 +220,28 @@ impl SliceStore {
             // A sheet parallel to the light has slices of a thickness, too. What lies on the last plane is before it.
             let range = (far - near).max(1e-3 * extent).max(1e-9);
             let far = near + range * (1.0 + 1e-4);
-            let farthest = receivers
-                .iter()
-                .flat_map(|b| [b.min, b.max])
-                .map(|p| along(p - frame.origin))
-                .fold(f64::NEG_INFINITY, f64::max);
+            let farthest = match &needed {
+                Some(needed) => ends(&needed.receivers).1,
+                None => {
+                    let corners = receivers.iter().flat_map(|b| [b.min, b.max]);
+                    span(corners.map(|p| along(p - frame.origin))).1
+                }
+            };
             let farthest = if farthest.is_finite() { farthest } else { far + 0.25 * range };
             // Errors at a contact are without bounds.
             let receiver = farthest.max(far + 0.02 * range);
             let placement = self.config.placement;
-            let found = planes((near, far), receiver, self.config.slices, placement, parallel);
+            let served = |p: &&DVec3| served.iter().all(|s| s.truncate().dot(**p) + s.w >= 0.0);
+            let seen: Vec<f64> = looked_at.iter().filter(served).map(|p| along(*p)).collect();
+            let count = self.config.slices;
+            let found = planes((near, far), receiver, count, placement, &seen, parallel);
             let stand_off = if parallel { 0.0 } else { clip.row(3).dot(center.extend(1.0)) };
             let mut slices: ViewSlices = bytemuck::Zeroable::zeroed();
             slices.light = center.extend(stand_off).as_vec4().to_array();
             for (k, plane) in found.iter().enumerate() {
-                let fade = f64::from(self.config.fade) * fade_length(near, &found, k);
+                let thickness = fade_length(near, &found, k);
+                let fade = f64::from(self.config.fade)
+                    * thickness.max(blurred_gap(&view, *plane, stand_off).min(range));
                 let over = if fade > 0.0 { 1.0 / fade } else { 0.0 };
                 slices.planes[k] = [*plane as f32, over as f32, 0.0, 0.0];
                 // With the slice before it, which it succeeds.
@@ -238,6 +267,60 @@ impl SliceStore {
         }
         all
     }
+}
+
+/// Where `camera` looks, relative to `origin`: 16 x 16 points on the nearest of the boxes `bodies` (world space).
+fn looked_at(camera: &ViewCamera, bodies: &[Bounds], origin: DVec3) -> Vec<DVec3> {
+    const SIDE: i32 = 16;
+    let back = camera.clip.inverse();
+    let eye = camera.eye;
+    let hit = |i: i32| {
+        let at = |k: i32| (2.0 * f64::from(k) + 1.0) / f64::from(SIDE) - 1.0;
+        let towards = back.project_point3(DVec3::new(at(i % SIDE), at(i / SIDE), 0.5)) - eye;
+        // Where the ray enters a box, or leaves that which the eye is in.
+        let meets = |b: &Bounds| {
+            let (a, b) = ((b.min - origin - eye) / towards, (b.max - origin - eye) / towards);
+            let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+            let t = if enter > 0.0 { enter } else { leave };
+            (enter <= leave && leave > 0.0).then_some(t)
+        };
+        let nearest = bodies.iter().filter_map(meets).fold(f64::INFINITY, f64::min);
+        let p = eye + towards * nearest;
+        p.is_finite().then_some(p)
+    };
+    (0..SIDE * SIDE).filter_map(hit).collect()
+}
+
+/// How far behind a plane the light's window on it is a texel wide. Where a surface passes through the plane, its own texels
+/// are known to half of one on either side, and hide up to all of a window that is smaller.
+fn blurred_gap(view: &View, plane: f64, stand_off: f64) -> f64 {
+    let flat = (view.u.abs() + view.v.abs()).truncate().max(DVec2::splat(view.radius));
+    let across = (2.0 * flat * view.texels).max_element();
+    if view.perspective {
+        // Of `across` / (plane + stand_off) texels the share gap / (plane + gap) is seen.
+        let share = (plane + stand_off) / across;
+        if share < 1.0 { plane * share / (1.0 - share) } else { f64::INFINITY }
+    } else {
+        1.0 / across
+    }
+}
+
+/// The interval that `values` span.
+fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
+}
+
+/// `part` of the interval `all`, widened to eighths to sixteenths of itself, so that slices stand still while the camera
+/// moves a little.
+fn in_steps(all: (f64, f64), part: (f64, f64)) -> (f64, f64) {
+    let range = all.1 - all.0;
+    let step = range * ((part.1 - part.0) / range).log2().floor().exp2() / 8.0;
+    // A part without a thickness has no steps.
+    if !(step > 1e-6 * range) {
+        return part;
+    }
+    let at = |z: f64| (z - all.0) / step;
+    ((all.0 + at(part.0).floor() * step).max(all.0), (all.0 + at(part.1).ceil() * step).min(all.1))
 }
 
 /// The matrix of a view with near and far planes at those distances from the light's plane; `off` is the distance of that

@@ -113,7 +113,7 @@ impl TechniqueConfig for Vssm {
             },
         )?;
         let store = Box::new(AreaStore::with(gpu, &self.window(), Some(sat), 1)?);
-        let arrange = Box::new(Facing { hard: self.map.omni });
+        let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
         Ok(Box::new(MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?))
     }
 

@@ -10,7 +10,9 @@ use antumbra_filter::{
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
-use antumbra_soft::{Bitmask, Occluders, OcclusionTextures, Pcss, SingleSample, Widths};
+use antumbra_soft::{
+    Bitmask, Fusion, Occluders, OcclusionTextures, Pcss, Placement, Prefilter, SingleSample, Widths,
+};
 use antumbra_volume::{Savings, Silhouette, ZFail, ZPass};
 use anyhow::{Context as _, bail};
 use globset::Glob;
@@ -159,6 +161,10 @@ fn entries() -> Vec<Entry> {
         layers: 2,
         ..Default::default()
     });
+    let slices = Config::OcclusionTextures;
+    let error_driven = OcclusionTextures { placement: Placement::Error, ..Default::default() };
+    let prefiltered =
+        |prefilter| slices(OcclusionTextures { prefilter, ..OcclusionTextures::default() });
     let single =
         |widths, scale| Config::SingleSample(SingleSample { widths, scale, ..Default::default() });
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
@@ -193,10 +199,13 @@ fn entries() -> Vec<Entry> {
             variant("microtri", bitmask(Occluders::Microtri)),
             variant("two-layers", Config::Bitmask(Bitmask { layers: 2, ..Default::default() })),
             variant("microquad-two-layers", two_layers_of_quads),
-            variant(
-                "16",
-                Config::OcclusionTextures(OcclusionTextures { slices: 16, ..Default::default() }),
-            ),
+            variant("16", slices(OcclusionTextures { slices: 16, ..Default::default() })),
+            variant("24", slices(OcclusionTextures { slices: 24, ..Default::default() })),
+            variant("error", slices(error_driven)),
+            variant("sum", slices(OcclusionTextures { fusion: Fusion::Sum, ..Default::default() })),
+            variant("max", slices(OcclusionTextures { fusion: Fusion::Max, ..Default::default() })),
+            variant("n-buffer", prefiltered(Prefilter::NBuffer)),
+            variant("mip", prefiltered(Prefilter::Mip)),
             variant("euclidean", single(Widths::Euclidean, 1.0)),
             variant("city-block", single(Widths::CityBlock, 1.0)),
             variant("harder", single(Widths::Doubling, 2.0)),

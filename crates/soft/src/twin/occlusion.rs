@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use crate::{Fusion, Placement};
 
 /// Far planes of `count` slices of the depths from `near` to `far`, as distances from the light's plane along the view, for a
-/// receiver mostly at `receiver`, which lies beyond `far`.
+/// receiver mostly at `receiver`, which lies beyond `far`, and a camera that looks at the depths `seen`, if any.
 ///
 /// An edge of an occluder that is moved by e towards the receiver moves on the light by at most e z_p / (z (z_p - z)), or
 /// e / (z_p - z) in parallel light. Steps of equal error are uniform in the integral of that factor.
@@ -15,6 +15,7 @@ pub fn planes(
     receiver: f64,
     count: u32,
     placement: Placement,
+    seen: &[f64],
     parallel: bool,
 ) -> Vec<f64> {
     let error = |z: f64| {
@@ -24,7 +25,8 @@ pub fn planes(
         if parallel { receiver - (-g).exp() } else { receiver / (1.0 + (-g).exp()) }
     };
     let at = |t: f64| match placement {
-        Placement::Uniform => near + t * (far - near),
+        Placement::Seen if !seen.is_empty() => before_what_is_seen((near, far), seen, count, t),
+        Placement::Uniform | Placement::Seen => near + t * (far - near),
         Placement::Error => {
             let (from, to) = (error(near), error(far));
             inverse(from + t * (to - from))
@@ -32,6 +34,25 @@ pub fn planes(
     };
     let inner = (1..count).map(|k| at(f64::from(k) / f64::from(count)));
     inner.chain([far]).collect()
+}
+
+/// Where the share t of all planes lies before, half of which are at equal distances, and half, for each depth that is seen,
+/// within as much before it as one of `count` equal slices is thick.
+fn before_what_is_seen((near, far): (f64, f64), seen: &[f64], count: u32, t: f64) -> f64 {
+    let range = far - near;
+    let reach = range / f64::from(count);
+    let share = |z: f64| {
+        let each =
+            seen.iter().map(|at| ((z - at.clamp(near + reach, far)) / reach + 1.0).clamp(0.0, 1.0));
+        0.5 * (z - near) / range + 0.5 * each.sum::<f64>() / seen.len() as f64
+    };
+    let (mut low, mut high) = (near, far);
+    // To 2^-24 of the range.
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        if share(middle) < t { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }
 
 /// Slices parallel to a rectangle in perspective, or to a square sun.
@@ -95,7 +116,7 @@ mod tests {
     #[test]
     fn slices_of_equal_error_are_so_and_lie_denser_at_the_floor() {
         for parallel in [false, true] {
-            let found = planes((4.0, 9.5), 10.0, 8, Placement::Error, parallel);
+            let found = planes((4.0, 9.5), 10.0, 8, Placement::Error, &[], parallel);
             assert!((found[7] - 9.5).abs() < 1e-12, "{found:?}");
             // The factor, integrated over each slice.
             let error = |z: f64| if parallel { 1.0 / (10.0 - z) } else { 10.0 / (z * (10.0 - z)) };
@@ -113,9 +134,31 @@ mod tests {
                 assert!((e - each[0]).abs() < 1e-5, "{each:?}");
             }
             assert!(found[7] - found[6] < 0.5 * (found[1] - found[0]), "{found:?}");
-            let uniform = planes((4.0, 9.5), 10.0, 8, Placement::Uniform, parallel);
+            let uniform = planes((4.0, 9.5), 10.0, 8, Placement::Uniform, &[], parallel);
             assert!((uniform[1] - uniform[0] - 5.5 / 8.0).abs() < 1e-12, "{uniform:?}");
+            let blind = planes((4.0, 9.5), 10.0, 8, Placement::Seen, &[], parallel);
+            assert_eq!(blind, uniform, "without a camera");
         }
+    }
+
+    #[test]
+    fn slices_are_thin_before_what_is_seen_and_nowhere_thicker_than_two() {
+        for seen in [vec![6.0], vec![4.1, 9.4], vec![2.0], vec![30.0; 5]] {
+            let found = planes((4.0, 9.5), 10.0, 8, Placement::Seen, &seen, false);
+            let uniform = 5.5 / 8.0;
+            let mut from = 4.0;
+            for to in &found {
+                let thickness = to - from;
+                assert!(thickness > 0.1 * uniform, "{seen:?}: {found:?}");
+                assert!(thickness < 2.0 * uniform + 1e-6, "{seen:?}: {found:?}");
+                from = *to;
+            }
+            assert_eq!(found[7], 9.5, "the last one ends where casters do");
+        }
+        // Half of the eight lie before the one depth that is seen, within a slice.
+        let found = planes((4.0, 9.5), 10.0, 8, Placement::Seen, &[6.0], false);
+        let before = found.iter().filter(|z| (6.0 - 5.5 / 8.0..=6.0).contains(*z)).count();
+        assert!(before >= 4, "{found:?}");
     }
 
     /// Visibility of the point (x, 0, 10) behind strips that are endless in y: from, to and depth of each, seen from `d`
@@ -163,7 +206,7 @@ mod tests {
         // A column |x| <= 0.5 from z = 2 to 8, filled, seen from 3 behind the light: as wide in a slice as its nearest part is
         // when flattened. The truth at x = 2 is 0.4375.
         let left = |count: u32| {
-            let planes = planes((1.0, 9.0), 10.0, count, Placement::Uniform, false);
+            let planes = planes((1.0, 9.0), 10.0, count, Placement::Uniform, &[], false);
             let covered = |k: usize, center: DVec2, half: DVec2| {
                 let top = if k == 0 { 1.0 } else { planes[k - 1] };
                 let (from, to) = (f64::max(top, 2.0), f64::min(planes[k], 8.0));
@@ -199,7 +242,7 @@ mod tests {
             };
             let on = behind(&[(-0.3, 0.4, 6.0)], &[6.0], 3.0, Fusion::Product, x);
             assert!((on - truth(6.0)).abs() < 1e-12, "at {x}: {on}");
-            let planes = planes((4.0, 9.0), 10.0, 8, Placement::Uniform, false);
+            let planes = planes((4.0, 9.0), 10.0, 8, Placement::Uniform, &[], false);
             let off = behind(&[(-0.3, 0.4, 5.7)], &planes, 3.0, Fusion::Product, x);
             worst = worst.max((off - truth(5.7)).abs());
         }
