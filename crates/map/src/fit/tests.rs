@@ -288,3 +288,81 @@ fn what_lies_beside_a_ray_is_within_a_turned_half_space_at_every_distance() {
     let other = DVec4::new(0.0, 0.0, 1.0, 5.0);
     assert_eq!(tilted(&other, margin, tilt, (eye, front)), other, "a far side");
 }
+
+#[test]
+fn a_wide_fit_holds_what_hides_any_point_of_the_light_and_a_narrow_one_does_not() {
+    let town = town();
+    let (mut receivers, hull) = (town.clone(), corners(&town));
+    receivers.push(Bounds { min: DVec3::new(0.0, 0.0, 0.0), max: DVec3::new(200.0, 0.0, 200.0) });
+    let fitting = Fitting { size: 1024, ..FITTING };
+    let center = DVec3::new(98.0, 12.0, 103.0);
+    let tan_limit = DVec2::splat(3.0);
+    let (mut narrower, mut missed) = (0, 0);
+    for turn in 0..12 {
+        let angle = f64::from(turn) * 0.7;
+        let eye = DVec3::new(97.0 + f64::from(turn), 1.7, 98.0);
+        let region = region(eye, DVec3::new(angle.cos(), -0.2, angle.sin()), &receivers);
+        let sight = Some(Sight { region: &region, casters: &town });
+        let sight = sight.as_ref();
+        for light in [
+            Light::sun(0.8, 0.6, 0.2),
+            Light::Sphere { center, radius: 1.5 },
+            Light::Rect { center, half_u: DVec3::X * 2.0, half_v: DVec3::Z },
+        ] {
+            // The receivers that each view serves, and its fit to all, to what counts, and to what the centre sees.
+            let views: Vec<(Vec<DVec4>, [SeenView; 3])> = match light {
+                Light::Directional { direction, .. } => {
+                    let direction = direction.normalize();
+                    let wide = |sight| fit_wide_sun(&light, direction, &hull, sight, &fitting);
+                    let narrow =
+                        fit_seen(&light, &hull, sight, &fitting).expect("valid")[0].clone();
+                    vec![(Vec::new(), [wide(None), wide(sight), narrow])]
+                }
+                _ => DVec3::AXES
+                    .into_iter()
+                    .flat_map(|axis| [axis, -axis])
+                    .map(|back| {
+                        let basis = basis(back);
+                        let served = cone(center, &basis, DVec2::ONE).to_vec();
+                        let stand = (center, basis, tan_limit);
+                        let wide = |sight| fit_wide(&light, stand, &served, &hull, sight, &fitting);
+                        let narrow = fit_perspective(&light, stand, &hull, sight, &fitting);
+                        let all = [wide(None), wide(sight), narrow];
+                        (served, all)
+                    })
+                    .collect(),
+            };
+            for (served, [all, wide, narrow]) in &views {
+                let (Some(all), Some(clip)) = (all.view.clip, wide.view.clip) else { continue };
+                let (all, scales) = (scales(&all), scales(&clip));
+                assert!((0..2).all(|i| scales[i] >= all[i] * (1.0 - 1e-12)), "{light:?}: wider");
+                narrower += usize::from(scales[0] * scales[1] > 4.0 * all[0] * all[1]);
+                let shows = |view: &SeenView, q: DVec3| {
+                    view.view.clip.is_some_and(|clip| {
+                        let c = clip * q.extend(1.0);
+                        c.w > 0.0 && c.x.abs() <= c.w && c.y.abs() <= c.w && c.z > 0.0 && c.z <= c.w
+                    })
+                };
+                let is_served = |p: &DVec3| served.iter().all(|s| side(s, *p) > 1e-9);
+                for p in region.corners().filter(is_served) {
+                    for sample in 0..16 {
+                        let at = DVec2::new(f64::from(sample % 4), f64::from(sample / 4));
+                        let towards = light.towards(p, (at + 0.5) / 4.0);
+                        let reach = if light.position().is_some() { 1.0 } else { 60.0 };
+                        for step in 0..30 {
+                            let q = p + towards * (reach * (f64::from(step) + 0.5) / 30.0);
+                            let within = |b: &Bounds| q.cmpge(b.min).all() && q.cmple(b.max).all();
+                            if !town.iter().any(within) {
+                                continue;
+                            }
+                            assert!(shows(wide, q), "{light:?}: {q} before {p} is cut off");
+                            missed += usize::from(!shows(narrow, q));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(narrower > 20, "only {narrower} windows are less than half as wide");
+    assert!(missed > 0, "the narrow fit misses nothing");
+}
