@@ -316,7 +316,8 @@ fn in_steps(all: (f64, f64), part: (f64, f64)) -> (f64, f64) {
     let range = all.1 - all.0;
     let step = range * ((part.1 - part.0) / range).log2().floor().exp2() / 8.0;
     // A part without a thickness has no steps.
-    if !(step > 1e-6 * range) {
+    let has_steps = step > 1e-6 * range;
+    if !has_steps {
         return part;
     }
     let at = |z: f64| (z - all.0) / step;
