@@ -141,7 +141,7 @@ impl SliceStore {
         let stride = alignment.max(size_of::<Mat4>() as u32);
         let matrices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("slices"),
-            size: u64::from(stride * MAX_SLICES) * VIEWS as u64,
+            size: u64::from(stride * config.slices) * VIEWS as u64,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
