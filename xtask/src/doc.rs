@@ -6,6 +6,9 @@
 //! <!-- measured file=results/quick.json scene=tree,street light=directional technique=map/plain -->
 //! <!-- /measured -->
 //!
+//! <!-- scaled file=results/soft-scaling.json parameter=light_side_percent light=rect -->
+//! <!-- /scaled -->
+//!
 //! <!-- pictured scene=tree light=directional technique=map/plain,filter/vsm size=192x192 map=1024 -->
 //! <!-- /pictured -->
 //! ```
@@ -16,6 +19,7 @@
 
 mod mark;
 mod picture;
+mod scaled;
 
 use std::path::{Path, PathBuf};
 
@@ -160,8 +164,9 @@ fn collect(folder: &Path, pages: &mut Vec<PathBuf>) -> anyhow::Result<()> {
 fn filled(text: &str, page: &Path, docs: &Path) -> anyhow::Result<(String, usize)> {
     mark::replaced(text, |mark| match mark.kind {
         "measured" => table(mark, docs),
+        "scaled" => scaled::table(mark, docs),
         "pictured" => picture::caption(mark, &picture::path(docs, page)),
-        other => bail!("`{other}` is no kind of mark; there are measured and pictured"),
+        other => bail!("`{other}` is no kind of mark; there are measured, scaled and pictured"),
     })
 }
 
@@ -285,6 +290,20 @@ mod tests {
     }
 
     #[test]
+    fn curves_are_tables_of_time_and_error() {
+        let dir = tempfile::tempdir().expect("temporary directory");
+        let mark = "<!-- scaled file=results.json parameter=map_size technique=map/plain -->";
+        let (text, _) = page(
+            dir.path(),
+            &format!("{mark}\n<!-- /scaled -->\n<!-- measured file=results.json -->"),
+        )
+        .expect("filled");
+        assert!(text.contains("| map size | 256 | 512 | 1024 | 2048 | 4096 |"), "{text}");
+        assert!(text.contains("| `map/plain` | 1.00, 0.1083 | "), "{text}");
+        assert!(!text.contains("`filter/pcf-grid` | 1.00"), "one technique: {text}");
+    }
+
+    #[test]
     fn marks_that_select_nothing_or_say_nonsense_are_errors() {
         let dir = tempfile::tempdir().expect("temporary directory");
         for mark in [
@@ -295,6 +314,13 @@ mod tests {
             "<!-- measured file=results.json across=colour -->",
         ] {
             assert!(page(dir.path(), mark).is_err(), "{mark}");
+        }
+        for mark in [
+            "<!-- scaled file=results.json -->",
+            "<!-- scaled file=results.json parameter=colour -->",
+        ] {
+            let text = format!("{mark}\n<!-- /scaled -->\n");
+            assert!(filled(&text, Path::new("page.md"), dir.path()).is_err(), "{mark}");
         }
     }
 

@@ -5,6 +5,7 @@ mod images;
 mod kernels;
 mod plan;
 mod scaling;
+mod scaling_soft;
 mod scaling_volumes;
 mod stability;
 

@@ -1,5 +1,5 @@
-//! The scaling suite: error and time against the size of the map, against the radius of a filter, and of shadow volumes
-//! against what they are made of.
+//! The scaling suite: error and time against the size of the map, against the radius of a filter, of soft shadows against
+//! lights, views and windows, and of shadow volumes against what they are made of.
 
 use antumbra::Config;
 use antumbra_gpu::Gpu;
@@ -12,7 +12,7 @@ use glam::DAffine3;
 use indicatif::ProgressBar;
 
 use super::plan::{Entry, PLACED, Plan, QUICK_TECHNIQUES, Subject};
-use super::{kernels, scaling_volumes};
+use super::{kernels, scaling_soft, scaling_volumes};
 use crate::results::{ScalingCurve, ScalingPoint, Spread};
 
 /// Sides of the map, texels.
@@ -85,7 +85,9 @@ pub(super) fn subjects(default: bool) -> Vec<Subject> {
 pub(super) fn steps(plan: &Plan) -> usize {
     let points = |sweep: &Sweep| sweep.values.len() * sweep.entries.len();
     let of = |subject| sweeps(plan, subject).iter().map(points).sum::<usize>();
-    plan.lights.len() * plan.scenes.iter().map(of).sum::<usize>() + scaling_volumes::steps(plan)
+    plan.lights.len() * plan.scenes.iter().map(of).sum::<usize>()
+        + scaling_soft::steps(plan)
+        + scaling_volumes::steps(plan)
 }
 
 /// Measures every curve of the plan.
@@ -137,6 +139,7 @@ pub(super) fn measure(
             }
         }
     }
+    curves.extend(scaling_soft::measure(gpu, plan, progress)?);
     curves.extend(scaling_volumes::measure(gpu, plan, progress)?);
     Ok(curves)
 }

@@ -39,7 +39,7 @@ impl<'a> Mark<'a> {
 }
 
 /// Words that open a mark of ours; other comments are left alone.
-const KINDS: [&str; 2] = ["measured", "pictured"];
+const KINDS: [&str; 3] = ["measured", "scaled", "pictured"];
 
 /// The text with what `fill` gives between the marks of each pair, and the number of pairs.
 pub(super) fn replaced(
