@@ -178,10 +178,7 @@ pub fn fit_perspective(
     sight: Option<&Sight<'_>>,
     fitting: &Fitting,
 ) -> SeenView {
-    let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
-    let sight = sight.filter(|_| fitting.usable() >= 1.0);
-    let stand = Stand { light, basis, points: &points, sight, served: None, fitting };
-    SeenView::new(eye.extend(1.0), stand.perspective(eye, tan_limit))
+    fit_from(light, (eye, basis, tan_limit), None, hull, sight, fitting)
 }
 
 /// As [`fit_perspective`], for a light with an extent: casters count that hide any point of it from visible receivers within
@@ -196,9 +193,20 @@ pub fn fit_wide(
     sight: Option<&Sight<'_>>,
     fitting: &Fitting,
 ) -> SeenView {
+    fit_from(light, (eye, basis, tan_limit), Some(served), hull, sight, fitting)
+}
+
+/// A perspective view, for the light's centre or for all of it.
+fn fit_from(
+    light: &Light,
+    (eye, basis, tan_limit): (DVec3, DMat3, DVec2),
+    served: Option<&[DVec4]>,
+    hull: &[DVec3],
+    sight: Option<&Sight<'_>>,
+    fitting: &Fitting,
+) -> SeenView {
     let points: Vec<DVec3> = hull.iter().map(|p| *p - fitting.origin).collect();
     let sight = sight.filter(|_| fitting.usable() >= 1.0);
-    let served = Some(served);
     let stand = Stand { light, basis, points: &points, sight, served, fitting };
     SeenView::new(eye.extend(1.0), stand.perspective(eye, tan_limit))
 }
