@@ -208,6 +208,7 @@ fn blurs() -> Vec<Permutation> {
             "gpu::mean::exponential_and_largest",
             "rg32float",
         ),
+        ("vsm-of-samples", "filter::from_samples", "filter::encoding::variance", sum, "rg32float"),
         ("depth", depth, "filter::encoding::depth", sum, "r32float"),
         ("depth-range", depth, "filter::encoding::depth_twice", "gpu::mean::min_max", "rg32float"),
         ("waves", depth, "filter::encoding::waves", sum, "rgba8unorm"),
@@ -220,6 +221,7 @@ fn blurs() -> Vec<Permutation> {
         root: "gpu::blur",
         slots: vec![
             module("texel", texel),
+            module("sampled", depth),
             module("encoding", encoding),
             module("mean", mean),
             source("target", blur_target(format)),
@@ -293,6 +295,22 @@ fn pyramids() -> Vec<Permutation> {
     means.into_iter().flat_map(of_a_mean).chain(of_a_map).collect()
 }
 
+/// What looks up a filtered store.
+fn filtered(store: &'static str, estimator: &'static str, both: bool) -> Vec<Slot> {
+    let mean = match estimator {
+        "filter::esm" => "gpu::mean::exponential",
+        "filter::esm_fallback" => "gpu::mean::exponential_and_largest",
+        "filter::multiple_depth" => "gpu::mean::min_max",
+        _ => "gpu::mean::arithmetic",
+    };
+    vec![
+        module("store", store),
+        module("mean", mean),
+        module("estimator", estimator),
+        filtered_constants(both),
+    ]
+}
+
 /// Constants of every filtered technique; each uses a few.
 fn filtered_constants(both: bool) -> Slot {
     let numbers = [
@@ -321,6 +339,8 @@ fn filtered_constants(both: bool) -> Slot {
         ("HALF", 1.0),
         ("MOST", 8.0),
         ("BEFORE", 1.0),
+        ("LARGEST", 16.0),
+        ("LOOKUPS", 8.0),
     ];
     let mut text = String::new();
     for (name, value) in numbers {
@@ -329,7 +349,7 @@ fn filtered_constants(both: bool) -> Slot {
     text += &format!(
         "const BOTH: bool = {both};\nconst ALL: bool = true;\nconst FOLLOW: bool = true;\n"
     );
-    text += "const OWN: bool = true;\nconst ENDS: bool = true;\nconst AROUND: i32 = 9;\n";
+    text += "const OWN: bool = true;\nconst ENDS: bool = true;\nconst AROUND: i32 = 9;\nconst SAMPLES: i32 = 2;\n";
     text += "const SLICES: i32 = 8;\nconst TEXELS: i32 = 2;\nconst WEIGHTS = array<f32, 3>(0.0, 1.0, 0.0);\n";
     source("config", text)
 }
@@ -409,9 +429,15 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
         ("savsm-float", "filter::table_float", "filter::savsm", false),
         ("pcf-footprint", "common::depth_map", "filter::pcf_footprint", false),
     ] {
-        let slots =
-            vec![module("store", store), module("estimator", estimator), filtered_constants(both)];
-        all.push((name, slots));
+        all.push((name, filtered(store, estimator, both)));
+    }
+    for (name, estimator) in [
+        ("vsm-footprint", "filter::vsm"),
+        ("esm-footprint", "filter::esm"),
+        ("evsm-footprint", "filter::evsm"),
+        ("msm-footprint", "filter::msm"),
+    ] {
+        all.push((name, filtered("filter::mipmapped", estimator, true)));
     }
     for (name, estimator, replaced, by) in [
         ("esm-fallback-not-counted", "filter::esm_fallback", "filter::tally", "filter::no_tally"),
@@ -422,9 +448,9 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
             "filter::ends_nbuffer",
         ),
     ] {
-        let estimator = module("estimator", estimator);
-        let store = module("store", "filter::texels");
-        all.push((name, vec![store, estimator, module(replaced, by), filtered_constants(false)]));
+        let mut slots = filtered("filter::texels", estimator, false);
+        slots.push(module(replaced, by));
+        all.push((name, slots));
     }
     let parts = poisson_constants(&[[0.0, 1.0]; 4], 2.0);
     let parts =

@@ -18,6 +18,7 @@ mod depth_samples;
 mod device;
 mod engine;
 mod filter_footprints;
+mod filter_mipmaps;
 mod filter_stores;
 mod filter_twins;
 mod filter_windows;

@@ -1,7 +1,8 @@
 //! Filters whose kernel is a window of any size or the pixel's own.
 
 use antumbra_filter::{
-    Esm, Evsm, Interleaved, Msm, PcfBilinearGrid, PcfFootprint, Prefilter, Savsm, Shape, Table, Vsm,
+    Esm, Evsm, Footprint, Interleaved, Msm, PcfBilinearGrid, PcfFootprint, Prefilter, Savsm, Shape,
+    Table, Vsm,
 };
 use antumbra_gpu::{Gpu, GpuError, TechniqueConfig};
 use antumbra_map::{Bias, MapConfig, MapTechnique};
@@ -52,7 +53,7 @@ fn a_table_is_a_blurred_map_whatever_the_radius() {
             // A variance of 0.01 at least, so that what is rounded off moments, 2e-6 of the range's square, moves
             // visibility by 4e-4 at most: the store's half as much again.
             let deviation = 0.1;
-            let filter = Prefilter { shape: Shape::Box, radius };
+            let filter = Prefilter { shape: Shape::Box, radius, ..Prefilter::default() };
             let blurred =
                 shoot(&gpu, &stage, &light, &Vsm { map, filter, deviation, ..Vsm::default() });
             let table = Savsm {
@@ -182,6 +183,77 @@ fn kernels_of_the_pixels_size_do_not_alias() {
     assert!(boxes < 0.5 * reconstructed, "{boxes}, and {reconstructed} by one texel's tent");
     let fixed = errors(&Savsm { follow_pixels: false, ..table });
     assert!(boxes < 0.6 * fixed, "{boxes}, and {fixed} by two texels whatever the pixel");
+    // And as rows of lookups in a mipmap, of any store.
+    let followed = |footprint| Prefilter { radius: 0, footprint, ..Prefilter::default() };
+    let [one, eight] = [1, 8].map(|lookups| Some(Footprint { largest: 32, lookups }));
+    let map = map(1024);
+    let variance = |footprint| errors(&Vsm { map, filter: followed(footprint), ..Vsm::default() });
+    let moments = |footprint| errors(&Msm { map, filter: followed(footprint), ..Msm::default() });
+    let warped = |footprint| errors(&Evsm { map, filter: followed(footprint), ..Evsm::default() });
+    for (name, [isotropic, in_a_row, fixed]) in [
+        ("variance", [one, eight, None].map(variance)),
+        ("moments", [one, eight, None].map(moments)),
+        ("warps", [one, eight, None].map(warped)),
+    ] {
+        // A square that holds the footprint is several times as large.
+        assert!(isotropic < 0.5 * fixed, "{name}: {isotropic}, and {fixed} without");
+        assert!(in_a_row < 0.6 * isotropic, "{name}: {in_a_row}, and {isotropic} by one lookup");
+    }
+}
+
+/// A slab's edge over a floor under a sun that turns: a store's texel knows the edge to half of a sample.
+#[test]
+fn edges_lie_as_exactly_as_samples_not_texels_allow() {
+    let gpu = gpu();
+    let scene = slabs(&[(7.0, -5.0, 0.0), (2.9, -5.0, 5.0)]);
+    let origin = scene.origin();
+    let place = |i: usize| DVec3::new(-0.5 + 1.5 * i as f64 / 256.0, FLOOR, 0.013) - origin;
+    let sample = |i| ViewSample { position: place(i).as_vec3(), normal: Vec3::Y };
+    let points: Vec<ViewSample> = (0..256).map(sample).collect();
+    let stage = Stage::at_points(&gpu, &scene, &points).expect("a stage");
+    let bias = Bias { cone: 0.0, ..Bias::default() };
+    let map = MapConfig { size: 512, bias, ..MapConfig::default() };
+    // The most that a sample is off, beyond what the floor's slope explains.
+    let worst = |samples: u32| {
+        let filter = Prefilter { radius: 0, samples, ..Prefilter::default() };
+        let mut technique =
+            Vsm { map, filter, ..Vsm::default() }.technique(&gpu).expect("a valid config");
+        let mut worst = 0.0f64;
+        for frame in 0..40 {
+            let (sin, cos) = (0.1 * f64::from(frame)).to_radians().sin_cos();
+            let direction = DVec3::new(sin, -cos, 0.0);
+            let light = Light::Directional { direction, angular_diameter: 0.0 };
+            let found = stage.shoot(&gpu, &light, &mut technique, 0).expect("a shot").visibility;
+            let clip = technique.map().views()[0].clip.expect("a view with casters");
+            // Texels of the store along the axis across the edge, from the map's middle.
+            let side = f64::from(map.size / samples);
+            let texel = |p: DVec3| 0.5 * side * clip.project_point3(p).truncate();
+            let edge = texel(7.0 * DVec3::Y - origin);
+            let metre = texel(DVec3::new(1.0, 7.0, 0.0) - origin) - edge;
+            let axis = usize::from(metre.y.abs() > metre.x.abs());
+            let (edge, metre) = (edge[axis], metre[axis]);
+            // The lit part of the store's texel `j`, and of the two that a lookup is between.
+            let lit = |j: f64| if metre > 0.0 { j + 1.0 - edge } else { edge - j }.clamp(0.0, 1.0);
+            let expected = |t: f64| {
+                let first = (t - 0.5).floor();
+                let fraction = t - 0.5 - first;
+                (1.0 - fraction) * lit(first) + fraction * lit(first + 1.0)
+            };
+            // As in the next test but one, of a kernel two texels wide.
+            let deeper = 0.5 * 2.0 / 2.0 / metre.abs() * (sin / cos) / 4.0;
+            for (i, v) in found[..points.len()].iter().enumerate() {
+                let off = (f64::from(*v) - expected(texel(place(i))[axis])).abs();
+                worst = worst.max(off - deeper);
+            }
+        }
+        worst
+    };
+    // The texel that the edge cuts is known to half of a sample, whose corners snap to 1/256, and counts in full at most.
+    // What else two depths leak is 1e-4 and less.
+    let bound = |samples: f64| 0.5 / samples + 1.0 / 256.0 + 1e-4;
+    let [one, two, four] = [1, 2, 4].map(worst);
+    assert!(one <= bound(1.0) && two <= bound(2.0) && four <= bound(4.0), "{one}, {two}, {four}");
+    assert!(one > bound(2.0) && two > bound(4.0), "the control: {one} and {two} of few samples");
 }
 
 #[test]

@@ -25,26 +25,36 @@ fn a_store_is_the_filtered_map() {
     let map = MapConfig { size: SIZE as u32, ..MapConfig::default() };
     for kind in [LightKind::Directional, LightKind::Spot] {
         let light = scene.place_light(kind);
-        for radius in [0, 2, 5] {
-            let filter = Prefilter { radius, ..Prefilter::default() };
+        for (radius, samples) in [(0, 1), (2, 1), (5, 1), (2, 2), (1, 4)] {
+            let filter = Prefilter { radius, samples, ..Prefilter::default() };
             let config = Vsm { map, filter, ..Vsm::default() };
             let (store, depth, linear) = store_and_map(&gpu, &stage, &light, &config);
-            let last = SIZE as i64 - 1;
+            let side = SIZE as i64 / i64::from(samples);
+            let last = side - 1;
             let weights = filter.weights();
+            // The mean over the texels of the map that are one of the store.
+            let of_samples = |[x, y]: [i64; 2], f: &dyn Fn(f64) -> f64| {
+                let n = i64::from(samples);
+                let one = |k: i64| {
+                    let at = (n * y + k / n) as usize * SIZE + (n * x + k % n) as usize;
+                    let z = linear.of_texel(f64::from(depth[at]));
+                    f(if z > linear.last_caster { 0.5 } else { z - 0.5 })
+                };
+                (0..n * n).map(one).sum::<f64>() / (n * n) as f64
+            };
             let blurred = |x: i64, y: i64, f: &dyn Fn(f64) -> f64| {
                 let reach = i64::from(radius);
                 let mut sum = 0.0;
                 for j in -reach..=reach {
                     for i in -reach..=reach {
                         let (x, y) = ((x + i).clamp(0, last), (y + j).clamp(0, last));
-                        let z = linear.of_texel(f64::from(depth[y as usize * SIZE + x as usize]));
-                        let z = if z > linear.last_caster { 1.0 } else { z };
                         let (a, b) = ((i + reach) as usize, (j + reach) as usize);
-                        sum += weights[a] * weights[b] * f(z - 0.5);
+                        sum += weights[a] * weights[b] * of_samples([x, y], f);
                     }
                 }
                 sum
             };
+            let terms = f64::from(samples * samples) + 1.0;
             // Linear depth is off by 5u of the sum of its numerator's terms, over the denominator; the filter by
             // its own rounding.
             let [a, b, c, d] = linear.coefficients;
@@ -52,11 +62,12 @@ fn a_store_is_the_filtered_map() {
                 let v = f64::from(*v);
                 ((a * v).abs() + b.abs()) / (c * v + d)
             });
-            let tolerance = 0.5 * blur_rounding(radius) + 5.0 * U * largest.fold(1.0, f64::max);
+            let filtered = blur_rounding(radius) + terms * U;
+            let tolerance = 0.5 * filtered + 5.0 * U * largest.fold(1.0, f64::max);
             let mut varied = 0;
-            for y in 0..SIZE as i64 {
-                for x in 0..SIZE as i64 {
-                    let at = 2 * (y as usize * SIZE + x as usize);
+            for y in 0..side {
+                for x in 0..side {
+                    let at = 2 * (y * side + x) as usize;
                     let (m1, m2) = (blurred(x, y, &|z| z), blurred(x, y, &|z| z * z));
                     let (e1, e2) =
                         ((f64::from(store[at]) - m1).abs(), (f64::from(store[at + 1]) - m2).abs());

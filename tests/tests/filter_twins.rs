@@ -188,7 +188,11 @@ fn on_gpu(gpu: &Gpu, cases: &[Case], mutant: Option<Slot>) -> Vec<[f32; 24]> {
          const FLOAT_BIAS: f32 = {FLOAT_BIAS:?};\nconst SHORT_BIAS: f32 = {SHORT_BIAS:?};\n\
          const ORDER: f32 = 16.0;\nconst SQUEEZE: f32 = 0.9;\nconst DAMPING: f32 = 1.0;\nconst BEFORE: f32 = 1.0;\n"
     );
-    let mut slots = vec![module("store", "filter::texels"), source("config", config)];
+    let mut slots = vec![
+        module("store", "filter::texels"),
+        module("mean", "gpu::mean::arithmetic"),
+        source("config", config),
+    ];
     slots.extend(mutant);
     let wgsl = link_source("tests::bounds", BOUNDS, &slots).expect("it links");
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

@@ -11,10 +11,10 @@ use antumbra_tests::{gpu, image};
 const U: f64 = 1.0 / 16_777_216.0;
 
 /// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn next(&mut self) -> f64 {
+    pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

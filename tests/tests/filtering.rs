@@ -138,7 +138,7 @@ fn no_store_is_darker_than_the_same_kernel_of_comparisons() {
     // One reference depth for the whole kernel on both sides, moved by the kernel's radius of slope.
     let bias = Bias { receiver_plane: false, cone: 0.0, ..Bias::default() };
     let map = MapConfig { size: 256, bias, ..MapConfig::default() };
-    let filter = Prefilter { shape: Shape::Box, radius: 1 };
+    let filter = Prefilter { shape: Shape::Box, radius: 1, ..Prefilter::default() };
     // Rounding of a variance, 5e-7 of the range's square, over the least one: 1e-2 squared. For warps, 4e-6 of
     // the warp's square over (80 x 1e-3)^2, and (10 x 1e-2)^2. For moments, the bias.
     let savsm = Savsm { map, radius: 1.0, follow_pixels: false, ..Savsm::default() };

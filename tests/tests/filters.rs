@@ -253,7 +253,7 @@ fn lookups_that_ask_texel_by_texel_are_counted_where_asked_for() {
 fn contacts_leak_as_exponentials_say() {
     let gpu = gpu();
     let (map, _) = settings();
-    let filter = Prefilter { shape: Shape::Box, radius: 1 };
+    let filter = Prefilter { shape: Shape::Box, radius: 1, ..Prefilter::default() };
     // Slabs side by side, each a little higher than the one before, over a floor that a caster below keeps in range.
     let gaps = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
     let mut layers: Vec<(f64, f64, f64)> = gaps
@@ -300,7 +300,7 @@ fn contacts_leak_as_exponentials_say() {
 fn three_slabs_leak_as_computed() {
     let gpu = gpu();
     let (map, _) = settings();
-    let filter = Prefilter { shape: Shape::Box, radius: 9 };
+    let filter = Prefilter { shape: Shape::Box, radius: 9, ..Prefilter::default() };
     // Depths in steps of 2 m and the floor 1 m on, as 0.2, 0.4, 0.6 and 0.7: two and four moments do not know the
     // scale. The last slab keeps the floor in range.
     let layers = [(8.0, -5.0, -0.1), (6.0, -5.0, 0.1), (4.0, -5.0, 5.0), (2.0, 4.0, 5.0)];

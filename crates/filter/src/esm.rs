@@ -101,11 +101,11 @@ impl Esm {
         self.filter.validate()?;
         check("sharpness", self.sharpness, 1.0..=1000.0, "use 1 to 1000")?;
         // The logarithm turns a relative error of the mean of exponentials into 1 / c as much of depth.
-        // exp(-a) is exact to 3 + 2 a units of 2u, of which exp(-a) leaves 3.2 at most; three means (two of
-        // the filter, one of the lookup) of n terms, each term scaled once for each later one that is larger
-        // at most; and the logarithm, to 3 units of the sum, or 2^-21 where that is near 1 (WGSL, 17.6).
-        let terms = f64::from(2 * self.filter.radius + 1);
-        let relative = 3.0 * 2f64.powi(-21) + (2.0 * terms + 4.0) * 8.0 * U;
+        // exp(-a) is exact to 3 + 2 a units of 2u, of which exp(-a) leaves 3.2 at most; of the filter's and the lookup's
+        // means each term is scaled once for each later one that is larger at most; and the logarithm of each of the two
+        // and of the lookup is exact to 3 units of the sum, or 2^-21 where that is near 1 (WGSL, 17.6).
+        let logarithms = 3.0 + self.filter.more_means();
+        let relative = logarithms * 2f64.powi(-21) + 8.0 * self.filter.rounding();
         let rounding = relative / f64::from(self.sharpness) + 8.0 * U;
         let constants = vec![
             ("SHARPNESS", Constant::Float(self.sharpness.into())),

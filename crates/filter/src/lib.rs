@@ -39,6 +39,6 @@ pub use pcf::{
 };
 pub use pcf_footprint::PcfFootprint;
 pub use power_function::PowerFunction;
-pub use prefilter::{Prefilter, Shape};
+pub use prefilter::{Footprint, Prefilter, Shape};
 pub use savsm::{Savsm, Table};
 pub use vsm::Vsm;

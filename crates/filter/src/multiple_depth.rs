@@ -39,7 +39,7 @@ impl Default for MultipleDepth {
 
 impl MultipleDepth {
     fn recipe(&self) -> Result<Recipe, GpuError> {
-        let filter = Prefilter { shape: Shape::Box, radius: self.radius };
+        let filter = Prefilter { shape: Shape::Box, radius: self.radius, ..Prefilter::default() };
         match self.n_buffer {
             true if self.radius > 127 => {
                 let (what, fix) = ("radius", "use 0 to 127 texels");

@@ -4,6 +4,8 @@
 //! [0, 1]; visibility is the weight of those at the receiver's depth or beyond. Every bound takes filtered
 //! numbers, so that filtering first and last can be compared.
 
+use crate::Footprint;
+
 /// A depth and its weight.
 pub type Window<'a> = &'a [(f64, f64)];
 
@@ -220,6 +222,72 @@ pub fn coverage(first: f64, last: f64) -> (i64, Vec<f64>) {
 #[must_use]
 pub fn coverage_spread(half: f64) -> f64 {
     half / 3f64.sqrt() + 0.5
+}
+
+/// Lookups in a mipmap over a pixel's footprint, `filter/mipmapped.wesl`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// From one lookup to the next, texels.
+    pub step: [f64; 2],
+    /// Lookups in a row.
+    pub count: u32,
+    /// The level that is read, between two of them: the finer where it is whole.
+    pub level: f64,
+}
+
+impl Probe {
+    /// For a footprint whose sides are `sides`, texels, in an image of `size` texels a side.
+    #[must_use]
+    pub fn new(sides: [[f64; 2]; 2], footprint: Footprint, size: u32) -> Self {
+        let [a, b] = sides.map(|[x, y]| x.hypot(y));
+        let (along, longer) = if a >= b { (sides[0], a) } else { (sides[1], b) };
+        let most = longer.min(footprint.largest.into());
+        let count = (most / a.min(b).max(1.0)).ceil().clamp(1.0, footprint.lookups.into());
+        let levels = footprint.largest.ilog2().min(size.trailing_zeros());
+        let level = (most / count).max(1.0).log2().clamp(0.0, levels.into());
+        let step = along.map(|c| c * most / longer.max(1.0) / count);
+        Self { step, count: count as u32, level }
+    }
+
+    /// Texels of the image and their weights, which add to 1, of the lookup at `texel` (continuous texel coordinates). The
+    /// image goes on beyond its border.
+    #[must_use]
+    pub fn weights(&self, texel: [f64; 2]) -> Vec<([i64; 2], f64)> {
+        let coarser = self.level.fract();
+        let mut all = Vec::new();
+        for i in 0..self.count {
+            let from_middle = f64::from(i) - 0.5 * f64::from(self.count - 1);
+            let at = [0, 1].map(|axis| texel[axis] + from_middle * self.step[axis]);
+            for (level, share) in
+                [(self.level as i32, 1.0 - coarser), (self.level as i32 + 1, coarser)]
+            {
+                if share > 0.0 {
+                    all.extend(level_weights(at, level, share / f64::from(self.count)));
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Texels of the image under a bilinear lookup at `texel` in a level, and their weights, which add to `share`.
+fn level_weights(texel: [f64; 2], level: i32, share: f64) -> impl Iterator<Item = ([i64; 2], f64)> {
+    let side = 2f64.powi(level);
+    let axis = |t: f64| {
+        let first = (t / side - 0.5).floor();
+        let fraction = t / side - 0.5 - first;
+        let span = side as i64;
+        // Two texels of the level, each of `side` texels of the image.
+        (0..2 * span).map(move |k| {
+            let weight = if k < span { 1.0 - fraction } else { fraction };
+            (first as i64 * span + k, weight / side)
+        })
+    };
+    let columns: Vec<_> = axis(texel[0]).collect();
+    axis(texel[1]).flat_map(move |(y, b)| {
+        let row: Vec<_> = columns.iter().map(|(x, a)| ([*x, y], a * b * share)).collect();
+        row
+    })
 }
 
 /// The step as a series of `order` waves of period 2, `filter/fourier.wesl`: 0 where `t` < 0, 1 where it is > 0, and 1/2

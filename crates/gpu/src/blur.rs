@@ -95,7 +95,8 @@ impl Blur {
     }
 
     /// Makes room for a layer of `size` x `size` texels for each job, and uploads the jobs. `source` is a
-    /// `D2Array` view of a texture of that size. Allocates nothing when there is room.
+    /// `D2Array` view of a texture, of that size unless the texel module takes it otherwise. Allocates nothing when there
+    /// is room.
     ///
     /// # Errors
     /// A failed allocation.

@@ -58,7 +58,7 @@ struct Made {
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct JobUniform {
     parameters: [[f32; 4]; 2],
-    /// Layer read and layer written.
+    /// Layer read, layer written, and its side.
     layers: [i32; 4],
 }
 
@@ -110,8 +110,8 @@ impl Lines {
     }
 
     /// Makes room for a layer of `size` x `size` texels for each job, and uploads the uniforms that `uniform` makes of
-    /// the start of one. `source` is a `D2Array` view of a float texture of that size. Allocates nothing when there is
-    /// room.
+    /// the start of one. `source` is a `D2Array` view of a float texture, of that size unless the texel module of the
+    /// first pass reads it otherwise. Allocates nothing when there is room.
     pub(crate) fn prepare<U: bytemuck::Pod>(
         &mut self,
         gpu: &Gpu,
@@ -135,7 +135,8 @@ impl Lines {
         }
         let Some(made) = &self.made else { return Ok(()) };
         for (index, job) in jobs.iter().enumerate() {
-            let layers = [[job.source as i32, 0, 0, 0], [0, index as i32, 0, 0]];
+            let side = size as i32;
+            let layers = [[job.source as i32, 0, side, 0], [0, index as i32, side, 0]];
             for (pass, layers) in layers.into_iter().enumerate() {
                 let uniform = uniform(JobUniform { parameters: job.parameters, layers });
                 let offset = u64::from(self.stride) * (2 * index + pass) as u64;

@@ -55,6 +55,6 @@ pub(crate) fn settings() -> (MapConfig, Prefilter) {
     let bias = Bias { cone: 0.0, ..Bias::default() };
     (
         MapConfig { size: 512, bias, ..MapConfig::default() },
-        Prefilter { shape: Shape::Box, radius: 8 },
+        Prefilter { shape: Shape::Box, radius: 8, ..Prefilter::default() },
     )
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use antumbra::{Config, catalogue};
 use antumbra_filter::{
-    Esm, Fallback, Msm, MultipleDepth, PcfBilinearGrid, PcfCastano, PcfGrid, PcfPoisson, Savsm,
-    Table,
+    Esm, Evsm, Fallback, Footprint, Msm, MultipleDepth, PcfBilinearGrid, PcfCastano, PcfGrid,
+    PcfPoisson, Prefilter as Filter, Savsm, Table, Vsm,
 };
 use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
@@ -167,6 +167,8 @@ fn entries() -> Vec<Entry> {
         |prefilter| slices(OcclusionTextures { prefilter, ..OcclusionTextures::default() });
     let single =
         |widths, scale| Config::SingleSample(SingleSample { widths, scale, ..Default::default() });
+    let of_pixels = Filter { footprint: Some(Footprint::default()), ..Default::default() };
+    let of_samples = Filter { samples: 2, ..Default::default() };
     let fallback = |fallback| Config::Esm(Esm { fallback, ..Default::default() });
     defaults
         .chain([
@@ -209,6 +211,11 @@ fn entries() -> Vec<Entry> {
             variant("euclidean", single(Widths::Euclidean, 1.0)),
             variant("city-block", single(Widths::CityBlock, 1.0)),
             variant("harder", single(Widths::Doubling, 2.0)),
+            variant("footprint", Config::Vsm(Vsm { filter: of_pixels, ..Default::default() })),
+            variant("footprint", Config::Evsm(Evsm { filter: of_pixels, ..Default::default() })),
+            variant("footprint", Config::Msm(Msm { filter: of_pixels, ..Default::default() })),
+            variant("samples", Config::Vsm(Vsm { filter: of_samples, ..Default::default() })),
+            variant("samples", Config::Msm(Msm { filter: of_samples, ..Default::default() })),
             variant("overflow", fallback(Fallback::Overflow)),
             variant("deeper", fallback(Fallback::Deeper)),
             variant(
