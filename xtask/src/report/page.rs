@@ -413,15 +413,18 @@ fn scaling_group(group: &[&ScalingCurve]) -> anyhow::Result<Markup> {
         h3 { (group[0].scene) " " span.light { (describe_light(&group[0].light)) } " against " (parameter) }
         p.legend {
             @for (i, curve) in group.iter().enumerate() {
-                span { i class={ "c" (i % plot::COLOURS) } {} (curve.technique) }
+                span {
+                    svg.key viewBox="0 0 36 8" { g class=(plot::look(i)) { polyline points="0,4 36,4" {} } }
+                    (curve.technique)
+                }
             }
         }
         div.plots {
             @for (title, value) in plots {
-                @let curves: Vec<Curve<'_>> = group.iter().enumerate().map(|(colour, curve)| Curve {
+                @let curves: Vec<Curve<'_>> = group.iter().enumerate().map(|(number, curve)| Curve {
                     label: &curve.technique,
                     points: curve.points.iter().filter_map(|p| Some((p.value, value(p)?))).collect(),
-                    colour,
+                    number,
                 }).collect();
                 figure { figcaption { (title) } (plot::curves(&curves, &parameter, title)?) }
             }

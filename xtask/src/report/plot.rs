@@ -23,12 +23,18 @@ pub(super) struct Curve<'a> {
     pub(super) label: &'a str,
     /// Parameter and value, by increasing parameter.
     pub(super) points: Vec<(f64, f64)>,
-    /// Which of the page's colours it has.
-    pub(super) colour: usize,
+    /// Its number, by which it has one of the page's colours and dashes.
+    pub(super) number: usize,
 }
 
-/// How many colours the page has for curves.
-pub(super) const COLOURS: usize = 8;
+/// How many colours the page has for curves, and how many dashes for those that share one.
+const COLOURS: usize = 8;
+const DASHES: usize = 6;
+
+/// Classes of the curve with this number.
+pub(super) fn look(number: usize) -> String {
+    format!("curve c{} d{}", number % COLOURS, number / COLOURS % DASHES)
+}
 
 /// Indices of the marks that no other beats in both speed and error, fastest first.
 pub(super) fn pareto_front(marks: &[Mark<'_>]) -> Vec<usize> {
@@ -87,7 +93,7 @@ pub(super) fn curves(curves: &[Curve<'_>], x_title: &str, y_title: &str) -> anyh
         html! {
             @for curve in curves {
                 @let points: Vec<(f64, f64)> = curve.points.iter().map(|p| at(p.0, p.1)).collect();
-                g class={ "curve c" (curve.colour % COLOURS) } {
+                g class=(look(curve.number)) {
                     polyline points=(path(&points)) {}
                     @for (point, value) in points.iter().zip(&curve.points) {
                         circle cx=(point.0) cy=(point.1) r="3.5" {
