@@ -349,7 +349,7 @@ fn charts_agree_with_their_twins_and_planes_with_rays() {
     let scene = generate::sphere_over_plane(&Default::default());
     let stage = Stage::new(&gpu, &scene, scene.camera_or_framing(), 8, 8).expect("a stage");
     let frame = Frame { origin: DVec3::ZERO, ..stage.frame(&light) };
-    let fitting = Fitting { origin: DVec3::ZERO, size: SIZE, guard: 3, receivers: false };
+    let fitting = Fitting { origin: DVec3::ZERO, size: SIZE, guard: 3, receivers: false, grid: 1 };
     // No slack: what is compared is the plane itself.
     let bias = Bias { slope: 0.0, cone: 0.0, constant: 0.0, ..Bias::default() };
     let (mut texels, mut depths, mut gradients, mut control) = (0f64, 0f64, 0f64, 0);

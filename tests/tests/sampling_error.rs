@@ -32,7 +32,8 @@ fn camera_clip(stage: &Stage) -> DMat4 {
 fn fitted(stage: &Stage, light: &Light, size: u32) -> Vec<FittedView> {
     let mut hull = Vec::new();
     antumbra_gpu::Casters::hull(&stage.meshes, light, &mut |p| hull.push(p));
-    let fitting = Fitting { origin: stage.triangles.origin, size, guard: 2, receivers: false };
+    let fitting =
+        Fitting { origin: stage.triangles.origin, size, guard: 2, receivers: false, grid: 1 };
     fit(light, &hull, &fitting).expect("a valid light")
 }
 

@@ -170,7 +170,8 @@ fn views() -> Vec<(FittedView, u32)> {
         let corners = antumbra_scene::Bounds { min: center - half, max: center + half }.corners();
         for light in lights(center, half) {
             for size in [64, 2048] {
-                let fitting = Fitting { origin: DVec3::ZERO, size, guard: 3, receivers: false };
+                let fitting =
+                    Fitting { origin: DVec3::ZERO, size, guard: 3, receivers: false, grid: 1 };
                 for view in fit(&light, &corners, &fitting).expect("a valid light") {
                     if view.clip.is_some() {
                         all.push((view, size));

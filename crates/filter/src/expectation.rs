@@ -8,16 +8,18 @@ use antumbra_map::{Estimator, MapConfig};
 pub(crate) use self::compared::{compared, joined};
 use crate::prefilter::Prefilter;
 
-/// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels.
+/// How far a lookup's kernel reaches, and the largest root mean square of its texels' distances, an axis, texels: of a kernel
+/// that no pixel's footprint widens, and of the widest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kernel {
     pub(crate) reach: f64,
     pub(crate) spread: f64,
+    pub(crate) widest: f64,
 }
 
 impl From<&Prefilter> for Kernel {
     fn from(filter: &Prefilter) -> Self {
-        Self { reach: filter.reach(), spread: filter.spread() }
+        Self { reach: filter.reach(), spread: filter.spread(), widest: filter.widest_spread() }
     }
 }
 
@@ -124,7 +126,16 @@ pub(crate) fn expectation(
         },
         "HC-09 boxes in each other" => crossing(kernel, bound, size),
         // As HC-01 C, and seen are 192 texels a side.
-        "HC-25 caster out of sight" => slanting(exact, bound, (kernel.spread, texel), size, 192.0),
+        "HC-25 caster out of sight" => {
+            let of = |spread| slanting(exact, bound, (spread, texel), size, 192.0);
+            match (of(kernel.spread), of(kernel.widest)) {
+                // A camera sees it, so that kernels are anything between the two.
+                (Expectation::Holds { .. }, Expectation::KnownLimit { at_most, because, .. }) => {
+                    Expectation::KnownLimit { at_least: 0.0, at_most, because }
+                }
+                (least, _) => least,
+            }
+        }
         // No less than the mean of comparisons, and no more than 1.
         "K5 far fence" => match exact {
             Expectation::Holds { bound } => Expectation::Holds { bound: bound.max(0.2) },
@@ -183,7 +194,7 @@ const FAR_BEHIND: &str = "what is far behind a caster still gets a share of ligh
 /// floor going on behind them, and texels are 1.96 m over the map's side. The others tell two depths apart, and leak where
 /// there is a third in the kernel: along the outline of one box on the other, 2.2 m on the floor and 1 / sin 40 degrees as
 /// wide as in the map, to either side.
-fn crossing(Kernel { reach, spread }: Kernel, bound: Bound, size: f64) -> Expectation {
+fn crossing(Kernel { reach, spread, .. }: Kernel, bound: Bound, size: f64) -> Expectation {
     use Expectation::{Holds, KnownLimit};
     let (dark, lit) = (1.4, 9.0);
     let texel = 1.96 / size;
@@ -262,7 +273,7 @@ fn leaky(
 /// the map is as wide as 1 / sqrt 2 of a texel of floor. The receiver is moved towards the light by the plane's
 /// slope, 1, over the kernel's reach, and the cone's, 2 an axis, over its spread. Beyond that, as for
 /// comparisons, 2 texels and the reach, and a spread more for the slope of the wall itself within the kernel.
-fn contact(Kernel { reach, spread }: Kernel) -> f64 {
+fn contact(Kernel { reach, spread, .. }: Kernel) -> f64 {
     let moved = 0.5 * (reach + 8f64.sqrt() * spread);
     2.0 + reach + moved + spread
 }

@@ -76,6 +76,19 @@ impl Footprint {
         (1..=self.lookups).map(of).fold(0.0, f64::max)
     }
 
+    /// Bound on the mean square of the distances that a lookup adds to those of the filter's texels, an axis, texels of the
+    /// store, squared.
+    fn square(self) -> f64 {
+        let largest = f64::from(self.largest);
+        let of = |n: u32| {
+            let level = (largest / f64::from(n)).log2().ceil().max(0.0);
+            (level.exp2().powi(2) - 1.0) / 12.0
+                + 0.25 * level.exp2().powi(2)
+                + largest.powi(2) / 12.0 * (1.0 - f64::from(n).powi(-2))
+        };
+        (1..=self.lookups).map(of).fold(0.0, f64::max)
+    }
+
     /// Bound on what levels and lookups round, relative to the largest value: a level is a mean of 4, a lookup one of 8,
     /// whose weights are products of three, and they have a mean.
     fn rounding(self) -> f64 {
@@ -158,6 +171,12 @@ impl Prefilter {
     #[must_use]
     pub fn spread(&self) -> f64 {
         f64::from(self.samples) * (self.square() + 0.25).sqrt()
+    }
+
+    /// The same, of the widest footprint.
+    pub(crate) fn widest_spread(&self) -> f64 {
+        let read = self.footprint.map_or(0.25, Footprint::square);
+        f64::from(self.samples) * (self.square() + read).sqrt()
     }
 
     /// Bound on the rounding of a looked-up value relative to the largest in the kernel: of a texel's samples, of the
@@ -494,6 +513,10 @@ impl Store for Filtered {
 
     fn needs_receivers(&self) -> bool {
         true
+    }
+
+    fn grid(&self) -> u32 {
+        self.filter.samples * self.filter.footprint.map_or(1, |footprint| footprint.largest)
     }
 
     fn group_layout(&self) -> Option<&wgpu::BindGroupLayout> {

@@ -25,7 +25,7 @@ fn hull() -> Vec<DVec3> {
 
 fn fits(c: &mut Criterion) {
     let hull = hull();
-    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false };
+    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false, grid: 1 };
     let lights = [
         ("directional", Light::sun(0.8, 0.6, 0.0)),
         (
@@ -48,7 +48,7 @@ fn fits(c: &mut Criterion) {
 /// To what a camera in the street sees, with every house in `pieces` boxes: the clusters of its triangles.
 fn fits_of_clusters(c: &mut Criterion) {
     let hull = hull();
-    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false };
+    let fitting = Fitting { origin: DVec3::ZERO, size: 2048, guard: 4, receivers: false, grid: 1 };
     let eye = DVec3::new(88.0, 1.7, 100.0);
     let target = eye + DVec3::new(1.0, 0.0, 0.3);
     let camera = Camera { eye, target, up: DVec3::Y, fov_y: 1.0, near: 0.05 };

@@ -28,6 +28,8 @@ pub struct Fitting {
     /// Whether what only receives shadows is drawn too. An orthographic view's depth then goes on behind the
     /// farthest caster, as far as [`crate::LinearDepth`] does.
     pub receivers: bool,
+    /// Texels, >= 1, in multiples of which windows that follow the camera move: as many as a texel of a store stands for.
+    pub grid: u32,
 }
 
 /// A fitted view of a light.
@@ -254,11 +256,18 @@ fn shared(a: (f64, f64), b: (f64, f64)) -> Option<(f64, f64)> {
 }
 
 impl Fitting {
-    /// Texels a side that are left for casters where the window moves in whole texels; less than 1 on a map that the
-    /// kernel fills.
+    /// Texels a side that are left for casters where the window moves in whole texels, or multiples of them; less than 1
+    /// on a map that the kernel fills.
     #[must_use]
     pub fn usable(&self) -> f64 {
-        f64::from(self.size) - 2.0 * f64::from(self.guard) - 1.0
+        f64::from(self.size) - 2.0 * f64::from(self.guard) - f64::from(self.grid)
+    }
+
+    /// Where, in texels, a window with guard band begins, around what begins at `lo`: up to `grid` texels before.
+    #[must_use]
+    pub fn left(&self, lo: f64) -> f64 {
+        let grid = f64::from(self.grid);
+        ((lo - f64::from(self.guard)) / grid).floor() * grid
     }
 
     /// Widens [lo, hi], which casters fill, by the guard band on both sides.
@@ -292,8 +301,8 @@ impl Fitting {
             return all;
         }
         let texel = widest * (-steps / STEPS).exp2();
-        // [lo, hi] begins within the first texel after the guard band, and spans at most the usable ones.
-        let left = all.0 + (((lo - all.0) / texel).floor() - f64::from(self.guard)) * texel;
+        // [lo, hi] begins within the first texels after the guard band, and spans at most the usable ones.
+        let left = all.0 + self.left((lo - all.0) / texel) * texel;
         (left, left + size * texel)
     }
 }

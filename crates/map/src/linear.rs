@@ -233,7 +233,8 @@ mod tests {
             Light::Point { position: DVec3::new(0.5, 4.0, 0.5) },
         ] {
             for hull in [&hull, &flat] {
-                let fitting = Fitting { origin: DVec3::ZERO, size: 64, guard: 2, receivers: false };
+                let fitting =
+                    Fitting { origin: DVec3::ZERO, size: 64, guard: 2, receivers: false, grid: 1 };
                 let views = fit(&light, hull, &fitting).expect("a valid light");
                 for clip in views.iter().filter_map(|v| v.clip) {
                     let linear = LinearDepth::new(&clip, hull, DepthConvention::REVERSED_F32);

@@ -18,6 +18,7 @@ use crate::{
 pub struct ShadowMap {
     size: u32,
     guard: u32,
+    grid: u32,
     draws_receivers: bool,
     arrange: Box<dyn Arrange>,
     matrices: Matrices,
@@ -81,6 +82,7 @@ impl ShadowMap {
         Ok(Self {
             size,
             guard,
+            grid: 1,
             draws_receivers: false,
             arrange,
             matrices,
@@ -114,6 +116,12 @@ impl ShadowMap {
         Self { draws_receivers: receivers, ..self }
     }
 
+    /// Has windows that follow the camera move in multiples of `grid` texels, for stores of larger ones.
+    #[must_use]
+    pub fn with_grid(self, grid: u32) -> Self {
+        Self { grid, ..self }
+    }
+
     /// The same map, with views that the arrangement fits which `arrange` makes of the present one.
     ///
     /// # Errors
@@ -139,6 +147,7 @@ impl ShadowMap {
             size: self.size,
             guard: self.guard,
             receivers: self.draws_receivers,
+            grid: self.grid,
         };
         let region = self.boxes.visible_region(frame);
         let sight = region.as_ref().map(|region| Sight { region, casters: self.boxes.casters() });

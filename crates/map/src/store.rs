@@ -38,6 +38,12 @@ pub trait Store: std::fmt::Debug {
         false
     }
 
+    /// Texels of the map that the largest of the store stands for, a side: windows that follow the camera move in multiples of
+    /// them, so that the store's texels stand still in the world as the map's do.
+    fn grid(&self) -> u32 {
+        1
+    }
+
     /// Whether the store draws the casters itself. Then the map's own depth passes are left out, and its layers
     /// are the store's to use.
     fn draws(&self) -> bool {

@@ -178,7 +178,9 @@ impl MapTechnique {
         // One texel more than the kernel reaches, for the rounding of a sample at the window's border.
         let guard = estimator.radius.ceil() as u32 + 1;
         let receivers = store.as_ref().is_some_and(|s| s.needs_receivers());
-        let map = ShadowMap::new(gpu, config.size, guard, arrange)?.with_receivers(receivers);
+        let grid = store.as_ref().map_or(1, |s| s.grid());
+        let map = ShadowMap::new(gpu, config.size, guard, arrange)?;
+        let map = map.with_receivers(receivers).with_grid(grid);
         Ok(Self {
             config: *config,
             estimator,

@@ -307,7 +307,7 @@ impl<'a> Slices<'a> {
         if texel >= all.texel {
             return all;
         }
-        Window { left: ((lo / texel).floor() - f64::from(self.fitting.guard)) * texel, texel }
+        Window { left: self.fitting.left(lo / texel) * texel, texel }
     }
 
     /// Depths, along the light, of the near and the far end: those of all casters, so that none is lost however far

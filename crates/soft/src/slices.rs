@@ -192,6 +192,7 @@ impl SliceStore {
             size: map.size(),
             guard: map.guard(),
             receivers: false,
+            grid: 1,
         };
         let looked_at = match (self.config.placement, frame.camera) {
             (Placement::Seen, Some(camera)) => looked_at(&camera, &receivers, frame.origin),

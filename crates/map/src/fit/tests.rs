@@ -5,7 +5,8 @@ use antumbra_gpu::ViewCamera;
 use super::*;
 use crate::visible::side;
 
-const FITTING: Fitting = Fitting { origin: DVec3::ZERO, size: 256, guard: 2, receivers: false };
+const FITTING: Fitting =
+    Fitting { origin: DVec3::ZERO, size: 256, guard: 2, receivers: false, grid: 1 };
 
 fn cube_corners(center: DVec3, half: f64) -> Vec<DVec3> {
     (0..8)
@@ -232,12 +233,13 @@ fn a_fit_to_what_is_seen_is_no_wider_and_holds_every_caster_that_matters() {
 }
 
 #[test]
-fn a_window_that_follows_the_camera_moves_in_whole_texels() {
+fn a_window_that_follows_the_camera_moves_in_whole_texels_or_multiples_of_them() {
     let town = town();
     let hull = corners(&town);
-    let fitting = Fitting { size: 1024, ..FITTING };
     let p = DVec3::new(100.0, 0.5, 95.0);
-    for light in [town_lights()[0], town_lights()[2]] {
+    let [sun, _, lamp] = town_lights()[..3] else { panic!("three lights") };
+    for (light, grid) in [(sun, 1), (lamp, 1), (sun, 8), (lamp, 8)] {
+        let fitting = Fitting { size: 1024, grid, ..FITTING };
         let mut before: Option<DMat4> = None;
         let (mut moves, mut stays) = (0, 0);
         for frame in 0..400 {
@@ -254,7 +256,8 @@ fn a_window_that_follows_the_camera_moves_in_whole_texels() {
                     if (was[i] - is[i]).abs() > 1e-9 * is[i] {
                         continue;
                     }
-                    assert!((texels[i] - texels[i].round()).abs() < 1e-6, "{light:?}: {texels}");
+                    let steps = texels[i] / f64::from(grid);
+                    assert!((steps - steps.round()).abs() < 1e-6, "{light:?}: {texels}");
                     moves += usize::from(texels[i].abs() > 0.5);
                     stays += usize::from(texels[i].abs() < 0.5);
                 }

@@ -274,8 +274,13 @@ impl Technique for ShadowTextureTechnique {
         frame.casters.hull(frame.light, &mut |p| hull.push(p));
         // The kernel's radius, and one texel more for the rounding of a sample at the window's border.
         let guard = self.config.radius().ceil() as u32 + 1;
-        let fitting =
-            Fitting { origin: frame.origin, size: self.config.size, guard, receivers: false };
+        let fitting = Fitting {
+            origin: frame.origin,
+            size: self.config.size,
+            guard,
+            receivers: false,
+            grid: 1,
+        };
         let fitted = fit(frame.light, &self.hull, &fitting)?;
         let linear = if self.config.linear { 1.0 } else { 0.0 };
         let (mut views, mut receivers) = (Vec::new(), Vec::new());

@@ -170,7 +170,8 @@ impl Fitter {
     /// and the blocks of these casters.
     pub(super) fn fit(&mut self, frame: &Frame<'_>, side: u32) -> Result<Grid, GpuError> {
         // A bucket around the window, so that what lies beyond it is certainly beyond.
-        let fitting = Fitting { origin: frame.origin, size: side, guard: 1, receivers: false };
+        let fitting =
+            Fitting { origin: frame.origin, size: side, guard: 1, receivers: false, grid: 1 };
         let views = self.views(frame, &fitting)?;
         // As the shaders have it, so that both speak of the same rays.
         let light = views[0].view.light.as_vec4().as_dvec4();

@@ -112,7 +112,8 @@ mod tests {
                 DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)) * 2.0 - 1.0
             })
             .collect();
-        let fitting = Fitting { origin: DVec3::ZERO, size: SIDE, guard: 1, receivers: false };
+        let fitting =
+            Fitting { origin: DVec3::ZERO, size: SIDE, guard: 1, receivers: false, grid: 1 };
         let views = fit(light, &hull, &fitting).expect("a valid light");
         let at = views[0].light.as_vec4().as_dvec4();
         (views.iter().filter_map(|v| Face::of(v.clip?, at, SIDE)).collect(), at)

@@ -34,7 +34,8 @@ struct View {
     all: [Bounds; 1],
 }
 
-const FITTING: Fitting = Fitting { origin: DVec3::ZERO, size: 4096, guard: 0, receivers: false };
+const FITTING: Fitting =
+    Fitting { origin: DVec3::ZERO, size: 4096, guard: 0, receivers: false, grid: 1 };
 
 impl View {
     fn new(tan_half: f64, far: f64) -> Self {
