@@ -97,6 +97,7 @@ pub fn permutations() -> Vec<Permutation> {
         "volume::silhouettes",
         "map::cull_clusters",
         "map::peel",
+        "soft::mean_of_parts",
         "map::scan_lines",
         "map::between",
         "map::draw_ids",
@@ -518,6 +519,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("bitmask-layers", "soft::bitmask", quad, true, mask_256),
         ("bitmask-multiscale", "soft::bitmask", quad, true, mask_256),
         ("bitmask-y", "soft::bitmask", patch, true, mask_256),
+        ("bitmask-emission", "soft::bitmask", patch, true, mask_256),
     ]
     .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
         let taps = if full { 16 } else { 0 };
@@ -526,7 +528,8 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
              const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {full};\n\
              const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
              const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
-             const TRIS: bool = {full};\nconst DEEPER: i32 = 3;"
+             const TRIS: bool = {full};\nconst DEEPER: i32 = 3;\n\
+             const EMISSION: i32 = 16;"
         );
         let mut slots = vec![
             module("store", "common::depth_map"),
@@ -541,6 +544,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         }
         match name {
             "bitmask-multiscale" => slots.push(module("soft::bounds", "soft::bounds_multiscale")),
+            "bitmask-emission" => slots.push(module("soft::counted", "soft::emitted")),
             "bitmask-y" => slots.push(module("soft::bounds", "soft::bounds_y")),
             _ => {}
         }

@@ -44,6 +44,7 @@ mod single_sample;
 mod soft;
 mod soft_bounds;
 mod soft_cases;
+mod soft_emission;
 mod soft_exact;
 mod soft_twins;
 mod stability;

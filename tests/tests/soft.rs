@@ -275,6 +275,28 @@ fn bounds_of_depth_change_no_answer_and_leave_the_penumbra_to_evaluate() {
     // The near plane, which is fitted to the casters that matter, leaves the pyramid a quarter to save at least.
     let all = [looked_at(&without), looked_at(&each[0])];
     assert!(4 * all[1] < 3 * all[0], "occluders looked at: {all:?}");
+    // Without a camera views are as wide as all casters: there it leaves a tenth. A sun's windows grow with the depth range and
+    // not beyond it: of these it spares least. And what it leaves depends on what casts, not on the near plane.
+    let mut unfitted = seen(&gpu, &bodies(), 64);
+    unfitted.set_camera(None);
+    let wide = [Hierarchy::None, Hierarchy::Mip].map(|hierarchy| {
+        let window = window(hierarchy, hierarchy != Hierarchy::None);
+        let config = Config::BackProjection(BackProjection { map: map(128), window });
+        let found = shots(&gpu, &config, lights(0.3).iter().map(|light| (&unfitted, light)));
+        found.iter().map(|(_, counters)| counters["occluders"]).collect::<Vec<u64>>()
+    });
+    for (i, light) in lights(0.3).iter().enumerate() {
+        let [brute, pyramid] = [wide[0][i], wide[1][i]];
+        let is_sun = matches!(light, Light::Directional { .. });
+        // Eighths of what brute force looks at that may be left.
+        let most = if is_sun { 5 } else { 1 };
+        assert!(8 * pyramid < most * brute, "occluders looked at without a camera: {wide:?}");
+        let fitted = each[0][i].1["occluders"];
+        assert!(
+            fitted <= pyramid,
+            "a fitted view looks at more under {light:?}: {fitted}, {wide:?}"
+        );
+    }
 }
 
 #[test]

@@ -235,3 +235,50 @@ fn a_column_from_2_to_8_hides_what_its_near_end_does_and_slices_of_it_count_agai
         );
     }
 }
+
+/// Mean visibility, and the least, at points below 64 strips at the depth 5, one in four times their width.
+fn below_strips(gpu: &Gpu, width: f64, wide: bool, config: &Config) -> (f64, f64) {
+    let at = |i: i32| 5.0 * width * f64::from(i);
+    let mut quads: Vec<_> = (-32..32).map(|i| strip(at(4 * i), at(4 * i + 1), 5.0)).collect();
+    if wide {
+        // Sheets beyond the view's widest, 1.4, to both sides: as wide it is.
+        quads.extend([strip(-8.0, -7.5, 5.0), strip(7.5, 8.0, 5.0)]);
+    }
+    let found = below(gpu, &quads, (0..128).map(|i| 0.002 * f64::from(i)), config);
+    let mean = found.iter().sum::<f64>() / found.len() as f64;
+    (mean, found.into_iter().fold(1.0, f64::min))
+}
+
+#[test]
+fn quads_lose_a_texel_of_every_strip_and_patches_keep_its_share() {
+    let gpu = gpu();
+    let texel = texel(1024, 5.0);
+    // Windows of 73 texels, one by one. A strip of w texels holds w texels' centres in the mean, of which quads span all but
+    // one: nothing of strips that are no wider than a texel. Widths of which no few strips begin at the same part of a texel.
+    for width in [0.47, 63.0 / 64.0, 1.47, 2.03, 3.03] {
+        let expected = 1.0 - 0.25 * (width - 1.0_f64).max(0.0) / width;
+        for occluders in [Occluders::Microquad, Occluders::ExactMicroquad] {
+            let config = mask(1024, occluders);
+            let (mean, least) = below_strips(&gpu, width * texel, true, &config);
+            // The light holds 6 strips or more: half of one more or less, of a quarter of all, and samples by a 64th.
+            let off = 0.5 * 0.25 / 6.0 + 1.0 / 64.0;
+            let what = format!("{width} texels, {occluders:?}");
+            assert!((mean - expected).abs() <= off, "{what}: {mean}, not {expected} +- {off}");
+            assert!(width > 1.0 || least == 1.0, "{what}: {least}, not 1");
+        }
+        let patches = mask(1024, Occluders::Micropatch);
+        let (mean, least) = below_strips(&gpu, width * texel, true, &patches);
+        assert!((mean - 0.75).abs() < 0.04, "{width} texels, patches: {mean}, not 0.75");
+        assert!(least < 0.75, "{width} texels, patches: {least}, the control");
+    }
+    // What looks like strips that quads should lose and do not: a map fitted to the strips, which span 253 of their widths, has
+    // finer texels, of which a block of the window holds some, and a strip is wider than such a block.
+    let quads = mask(1024, Occluders::Microquad);
+    let strip = 63.0 / 64.0 * texel;
+    let (mean, _) = below_strips(&gpu, strip, false, &quads);
+    let fitted = 253.0 * strip / 1020.0;
+    let block = fitted * (2.0 * (1.0 / 5.0 - 0.1) / fitted / 128.0).ceil();
+    assert!(block < strip, "blocks of {block} for strips of {strip}");
+    let expected = 1.0 - 0.25 * (strip / block - 1.0) / (strip / block);
+    assert!((mean - expected).abs() < 0.02, "a map fitted to the strips: {mean}, not {expected}");
+}

@@ -4,7 +4,7 @@ use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_map::{Bias, MapConfig, MapTechnique};
-use antumbra_scene::Light;
+use antumbra_scene::{Emission, Light};
 use antumbra_soft::twin::occlusion::{Slices, planes};
 use antumbra_soft::{
     BackProjection, Bitmask, Fusion, Hierarchy, Occluders, OcclusionTextures, Pcss, Placement,
@@ -166,7 +166,7 @@ fn every_technique_gives_the_number_that_theory_says() {
     let window = Window { hierarchy: Hierarchy::None, umbra: false, budget: 128, tally: false };
     let mask = |occluders, layers| {
         let samples = Samples::S1024;
-        Config::Bitmask(Bitmask { map, window, samples, occluders, layers })
+        Config::Bitmask(Bitmask { map, window, samples, occluders, layers, ..Bitmask::default() })
     };
     let pcss = Config::Pcss(Pcss { map, window, search: 0, filter: 0, ..Pcss::default() });
     let areas = Config::BackProjection(BackProjection { map, window });
@@ -227,6 +227,61 @@ fn every_technique_gives_the_number_that_theory_says() {
 }
 
 #[test]
+fn parts_of_a_light_each_with_its_map_come_to_what_hides_it() {
+    let gpu = gpu();
+    let bias = Bias { cone: 0.0, ..Bias::default() };
+    let map = MapConfig { bias, ..map(1024) };
+    let window = Window { umbra: false, budget: 128, ..Window::default() };
+    // What the centre of each part along x sees of what hides it, in the part's own coordinates.
+    let theory = |x: f64, count: u32| {
+        let n = f64::from(count);
+        let part = |k: u32| {
+            let middle = (2.0 * f64::from(k) + 1.0) / n - 1.0;
+            share(-1.0 / n, 1.0 / n, |l| {
+                let hidden = |(from, to, z): &Sheet| {
+                    let at = |l: f64| l + (x - l) * z / 10.0;
+                    let q = at(middle + l);
+                    // Before it along the ray from the part's centre through that point.
+                    let slope = (q - middle) / z;
+                    let before = |s: &&Sheet| {
+                        let q = middle + slope * s.2;
+                        s.2 < *z && s.0 <= q && q < s.1
+                    };
+                    *from <= q && q < *to && !HIDDEN.iter().any(|s| before(&s))
+                };
+                !HIDDEN.iter().any(hidden)
+            })
+        };
+        (0..count).map(part).sum::<f64>() / n
+    };
+    for x in [0.0, 0.3, 0.5] {
+        let truth = joined(&HIDDEN, x, 9);
+        let mut errors = Vec::new();
+        for count in [1, 2, 4] {
+            let (samples, occluders, parts) = (Samples::S256, Occluders::Micropatch, [count, 1]);
+            let config = Bitmask { map, window, samples, occluders, parts, ..Bitmask::default() };
+            let found = f64::from(below_a_square_light(&gpu, &HIDDEN, x, &Config::Bitmask(config)));
+            let expected = theory(x, count);
+            // As for the light as a whole, of up to four edges; see above.
+            let off = 0.04;
+            assert!(
+                (found - expected).abs() < off,
+                "{count} parts at {x}: {found}, not {expected} +- {off}"
+            );
+            errors.push((found - truth).abs());
+        }
+        assert!(errors[2] < 0.5 * errors[0], "at {x}: {errors:?} do not fall");
+    }
+    // Other lights are whole.
+    let stage = seen(&gpu, &bodies(), 32);
+    let config = |parts| Config::Bitmask(Bitmask { map, parts, ..Bitmask::default() });
+    let ball = Light::Sphere { center: DVec3::new(0.4, 5.0, -0.3), radius: 0.5 };
+    let [one, four] =
+        [[1, 1], [2, 2]].map(|parts| area::shoot(&gpu, &stage, &ball, &config(parts)));
+    assert_eq!(one, four, "a sphere");
+}
+
+#[test]
 fn gratings_that_hide_all_the_light_are_whole_in_two_layers_only() {
     let gpu = gpu();
     let sheets = gratings();
@@ -235,7 +290,7 @@ fn gratings_that_hide_all_the_light_are_whole_in_two_layers_only() {
     let window = Window { umbra: false, budget: 128, ..Window::default() };
     let mask = |layers| {
         let (samples, occluders) = (Samples::S1024, Occluders::Micropatch);
-        Config::Bitmask(Bitmask { map, window, samples, occluders, layers })
+        Config::Bitmask(Bitmask { map, window, samples, occluders, layers, ..Bitmask::default() })
     };
     let at = |config: &Config| f64::from(below_a_square_light(&gpu, &sheets, 0.0, config));
     let (one, two) = (at(&mask(1)), at(&mask(2)));
@@ -257,6 +312,7 @@ fn settings_that_a_soft_shadow_cannot_use_are_refused_with_a_fix() {
             Config::BackProjection(BackProjection { map, ..BackProjection::default() }),
             Config::Bitmask(Bitmask { map, ..Bitmask::default() }),
             Config::Bitmask(Bitmask { map, layers: 2, ..Bitmask::default() }),
+            Config::Bitmask(Bitmask { map, parts: [2, 1], ..Bitmask::default() }),
             Config::Vssm(Vssm { map, ..Vssm::default() }),
             Config::OcclusionTextures(OcclusionTextures { map, ..Default::default() }),
         ]
@@ -278,6 +334,12 @@ fn settings_that_a_soft_shadow_cannot_use_are_refused_with_a_fix() {
     for layers in [0, 5] {
         refuses(&Config::Bitmask(Bitmask { layers, ..Bitmask::default() }), "use 1 to 4");
     }
+    for parts in [[0, 1], [1, 9]] {
+        refuses(&Config::Bitmask(Bitmask { parts, ..Bitmask::default() }), "use 1 to 8");
+    }
+    let (emission, parts) = (Emission::new(1, 1, &[1.0]).ok(), [2, 2]);
+    let both = Bitmask { emission, parts, ..Bitmask::default() };
+    refuses(&Config::Bitmask(both), "`emission` out");
     // The control: without them all are built, and so is a plain map with them.
     for config in all(map(64)) {
         assert!(config.build(&gpu).is_ok(), "{config:?}");

@@ -7,7 +7,7 @@ use antumbra_gpu::{
     ViewSamples, read_f32_texture,
 };
 use antumbra_reference::{Tracer, Truth, TruthOptions, ViewSample};
-use antumbra_scene::{Bounds, Camera, Light, Scene, Triangles};
+use antumbra_scene::{Bounds, Camera, Emission, Light, Scene, Triangles};
 use glam::{DVec3, Vec3};
 
 use crate::MeasureError;
@@ -216,7 +216,18 @@ impl Stage {
     /// True visibility of every view sample.
     #[must_use]
     pub fn truth(&self, light: &Light, options: &TruthOptions) -> Truth {
-        self.tracer.truth(light, &self.view_samples(), options)
+        self.truth_of(light, None, options)
+    }
+
+    /// As [`Stage::truth`], of a rectangle or a disc that is brighter here than there.
+    #[must_use]
+    pub fn truth_of(
+        &self,
+        light: &Light,
+        emission: Option<&Emission>,
+        options: &TruthOptions,
+    ) -> Truth {
+        self.tracer.truth_of(light, emission, &self.view_samples(), options)
     }
 
     /// Runs `technique` once to warm up and then `repeat` times, and reads its answer back.

@@ -20,7 +20,7 @@
 
 use std::time::Instant;
 
-use antumbra_scene::Light;
+use antumbra_scene::{Emission, Light};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -105,6 +105,18 @@ impl Tracer {
     /// scrambling, on its index.
     #[must_use]
     pub fn truth(&self, light: &Light, samples: &[ViewSample], options: &TruthOptions) -> Truth {
+        self.truth_of(light, None, samples, options)
+    }
+
+    /// As [`Tracer::truth`], of a rectangle or a disc that is brighter here than there: the share of what it emits that is seen.
+    #[must_use]
+    pub fn truth_of(
+        &self,
+        light: &Light,
+        emission: Option<&Emission>,
+        samples: &[ViewSample],
+        options: &TruthOptions,
+    ) -> Truth {
         let start = Instant::now();
         let light = moved(light, -self.origin());
         let extent = samples
@@ -118,6 +130,7 @@ impl Tracer {
         let eye = Eye {
             tracer: self,
             light,
+            emission,
             lift: extent * (24.0 * f64::from(U) + options.position_error),
             tie: options.ties.then_some(options.tie_distance * f64::from(self.radius())),
             seed: options.seed,
@@ -156,6 +169,7 @@ struct Eye<'a> {
     tracer: &'a Tracer,
     /// Relative to the triangles' origin.
     light: Light,
+    emission: Option<&'a Emission>,
     /// Height of the rays' starts above the samples, metres.
     lift: f64,
     /// Distance for ties, metres.
@@ -187,29 +201,31 @@ impl Eye<'_> {
         let key = hash(self.seed ^ hash(index as u64));
         let scramble = [key as u32, (key >> 32) as u32];
         let mut visible = [0.0; 2];
-        let mut traced = 0;
+        let (mut total, mut traced) = (0.0, 0);
         for (points, visible) in self.points.chunks(self.points.len() / 2).zip(&mut visible) {
             let unit = |point: &[u32; 2], d: usize| {
                 // The middle of the cell of size 2^-32.
                 (f64::from(owen(point[d], scramble[d])) + 0.5) / 4_294_967_296.0
             };
-            let rays: Vec<Ray> = points
-                .iter()
-                .map(|point| self.light.towards(p, DVec2::new(unit(point, 0), unit(point, 1))))
-                .filter(|&to_light| normal.dot(to_light) > 0.0)
-                .map(|to_light| self.ray(p, normal, to_light))
-                .collect();
+            let places = points.iter().map(|point| DVec2::new(unit(point, 0), unit(point, 1)));
+            let all: Vec<(DVec3, f64)> =
+                places.map(|at| (self.light.towards(p, at), self.emitted(at))).collect();
+            total += all.iter().map(|(_, emitted)| emitted).sum::<f64>();
+            let (rays, emitted): (Vec<Ray>, Vec<f64>) = all
+                .into_iter()
+                .filter(|(to_light, _)| normal.dot(*to_light) > 0.0)
+                .map(|(to_light, emitted)| (self.ray(p, normal, to_light), emitted))
+                .unzip();
             let mut blocked = vec![false; rays.len()];
             self.tracer.occluded_each(&rays, &mut blocked);
-            let free = rays.iter().zip(&blocked).filter(|(_, blocked)| !**blocked);
-            *visible = if self.tracer.has_sheets() {
-                free.map(|(ray, _)| self.tracer.through(ray)).sum()
-            } else {
-                free.count() as f64
-            };
+            let free = rays.iter().zip(&emitted).zip(&blocked).filter(|(_, blocked)| !**blocked);
+            let has_sheets = self.tracer.has_sheets();
+            let through = |ray| if has_sheets { self.tracer.through(ray) } else { 1.0 };
+            *visible = free.map(|((ray, emitted), _)| emitted * through(ray)).sum();
             traced += rays.len() as u64;
         }
-        let total = self.points.len() as f64;
+        // An image may be dark wherever a disc is.
+        let total = if total > 0.0 { total } else { 1.0 };
         Seen {
             visibility: ((visible[0] + visible[1]) / total) as f32,
             class,
@@ -241,6 +257,11 @@ impl Eye<'_> {
             }
         }
         seen
+    }
+
+    /// What the light emits at `sample` of the unit square, relative to its mean.
+    fn emitted(&self, sample: DVec2) -> f64 {
+        self.emission.map_or(1.0, |emission| emission.at(self.light.place(sample)))
     }
 
     /// What gets to `p` from the point of the light at `p + to_light`.

@@ -27,6 +27,7 @@
 
 mod camera;
 mod cutout;
+mod emission;
 mod error;
 mod frame;
 pub mod generate;
@@ -38,6 +39,7 @@ mod scene;
 
 pub use camera::Camera;
 pub use cutout::{AlphaMap, CutInstance, Cutout, Cutouts, Wrap};
+pub use emission::{Emission, EmissionError};
 pub use error::{LoadError, MeshError};
 pub use light::{Light, LightKind};
 pub use load::{LoadOptions, REACH, Repairs, load};

@@ -165,29 +165,37 @@ impl Light {
     /// light it is a unit vector and the distance is infinite.
     #[must_use]
     pub fn towards(&self, p: DVec3, sample: DVec2) -> DVec3 {
+        let s = self.place(sample);
         match *self {
             Self::Directional { direction, angular_diameter } => {
                 let to_light = -direction;
                 let radius = (0.5 * angular_diameter).tan();
                 let (u, v) = basis(to_light);
-                let d = square_to_disc(sample) * radius;
+                let d = s * radius;
                 (to_light + u * d.x + v * d.y).normalize()
             }
             Self::Point { position } | Self::Spot { position, .. } => position - p,
             Self::Sphere { center, radius } => {
                 let axis = (center - p).normalize_or(DVec3::Y);
                 let (u, v) = basis(axis);
-                let d = square_to_disc(sample) * radius;
+                let d = s * radius;
                 center - p + u * d.x + v * d.y
             }
-            Self::Rect { center, half_u, half_v } => {
-                let s = sample * 2.0 - 1.0;
-                center - p + half_u * s.x + half_v * s.y
-            }
+            Self::Rect { center, half_u, half_v } => center - p + half_u * s.x + half_v * s.y,
             Self::Disc { center, radius, axis_u, axis_v } => {
-                let d = square_to_disc(sample) * radius;
+                let d = s * radius;
                 center - p + axis_u * d.x + axis_v * d.y
             }
+        }
+    }
+
+    /// The same point in the light's own coordinates: in [-1, 1]² along the halves of a rectangle's sides, in the unit disc for
+    /// what is round. A sphere's turn with `p`.
+    #[must_use]
+    pub fn place(&self, sample: DVec2) -> DVec2 {
+        match self {
+            Self::Rect { .. } => sample * 2.0 - 1.0,
+            _ => square_to_disc(sample),
         }
     }
 }

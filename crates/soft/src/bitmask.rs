@@ -2,13 +2,14 @@
 
 use antumbra_gpu::{Expectation, Gpu, GpuError, Technique, TechniqueConfig};
 use antumbra_map::{CasterDepth, Estimator, Faces, MapConfig, MapTechnique, PolygonOffset};
+use antumbra_scene::Emission;
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
 use crate::Facing;
 use crate::expectation::{self, Accuracy};
-use crate::pcss::build;
-use crate::store::AreaStore;
+use crate::split::Split;
+use crate::store::{AreaStore, Beside};
 use crate::window::{Window, check_map};
 
 /// How many samples of the light a mask has a bit for: tiles of a rotated grid of four.
@@ -33,6 +34,11 @@ impl Samples {
             Self::S256 => 8,
             Self::S1024 => 16,
         }
+    }
+
+    /// Cells a side of which each has one sample: of the four in a tile one lies in each quarter of it.
+    fn cells(self) -> u32 {
+        2 * self.tiles()
     }
 
     /// Constants of `soft/mask.wesl`: tiles a side, rows of tiles a word, and a 1 at the start of each row.
@@ -97,7 +103,7 @@ impl Occluders {
 
 /// Bitmask soft shadows (Schwarz, Stamminger 2007): a bit for each sample of the light, set by whatever hides it, so that
 /// occluders are joined as they should be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bitmask {
     /// The shadow map.
@@ -112,6 +118,14 @@ pub struct Bitmask {
     /// parts of the light. Cost: each a pass over the casters' triangles, which have to be known, and as many fetches as the
     /// first; 4 bytes a texel.
     pub layers: u32,
+    /// What a rectangle or a disc emits from place to place, default alike everywhere: visibility is then the share of what it
+    /// emits that is seen (Forest, Barthe, Paulin 2008). As fine as samples lie: 8, 16 or 32 cells a side, each the mean of what
+    /// is given. A coloured light has a channel each. Cost: samples one by one in place of counting them.
+    pub emission: Option<Emission>,
+    /// Parts along the two sides of a rectangle of light, 1 to 8 each, default 1, each with maps of its own from its centre: what
+    /// one part's centre does not see, another's may (Assarsson et al. 2003; Yang et al. 2009). Cost: each part all that the
+    /// light costs, and 4 bytes a view sample. Other lights are not cut.
+    pub parts: [u32; 2],
 }
 
 impl Default for Bitmask {
@@ -122,6 +136,8 @@ impl Default for Bitmask {
             samples: Samples::default(),
             occluders: Occluders::default(),
             layers: 1,
+            emission: None,
+            parts: [1, 1],
         }
     }
 }
@@ -136,7 +152,8 @@ impl Bitmask {
         let path = if quad { "soft::microquad" } else { "soft::micropatch" };
         let constants = self.samples.constants()
             + &self.occluders.constants()
-            + &format!("const DEEPER: i32 = {};\n", self.layers - 1);
+            + &format!("const DEEPER: i32 = {};\n", self.layers - 1)
+            + &format!("const EMISSION: i32 = {};\n", self.samples.cells());
         let texels = match self.occluders {
             Occluders::Micropatch => 1,
             _ => 4,
@@ -146,23 +163,57 @@ impl Bitmask {
         if self.layers == 1 {
             slots.push(module("soft::deeper", "soft::no_deeper"));
         }
+        if self.emission.is_some() {
+            slots.push(module("soft::counted", "soft::emitted"));
+        }
         Ok(self.window.estimator("soft::bitmask", slots, &constants, fetches))
+    }
+}
+
+impl Bitmask {
+    /// Of a light that is not cut, or of one part.
+    fn whole(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
+        let estimator = self.estimator()?;
+        check_map(&self.map, self.window.hierarchy)?;
+        let emission: Option<Vec<f32>> = self.emission.as_ref().map(|emission| {
+            let means = emission.means(self.samples.cells());
+            means.into_iter().map(|mean| mean as f32).collect()
+        });
+        let beside = Beside { table: None, layers: self.layers, emission: emission.as_deref() };
+        let store = Box::new(AreaStore::with(gpu, &self.window, beside)?);
+        let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
+        let map = MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?;
+        if self.layers == 1 {
+            return Ok(Box::new(map));
+        }
+        // Peeling finds the depths of the first layer again, from the same triangles.
+        let first = CasterDepth::new(gpu, Faces::Both, PolygonOffset::default())?;
+        Ok(Box::new(map.drawn_by(first)))
+    }
+
+    /// # Errors
+    /// Too many parts, or an image, which lies on the light as a whole.
+    fn check_parts(&self) -> Result<(), GpuError> {
+        let [across, along] = self.parts;
+        let invalid = |value: String, fix| Err(GpuError::Invalid { what: "parts", value, fix });
+        if !self.parts.iter().all(|count| (1..=8).contains(count)) {
+            return invalid(format!("{across} x {along}"), "use 1 to 8 a side");
+        }
+        if self.emission.is_some() && self.parts != [1, 1] {
+            let value = format!("{across} x {along} of a light with an image");
+            return invalid(value, "leave `parts` at 1 x 1, or `emission` out");
+        }
+        Ok(())
     }
 }
 
 impl TechniqueConfig for Bitmask {
     fn build(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        let estimator = self.estimator()?;
-        if self.layers == 1 {
-            return build(gpu, &self.map, estimator, &self.window);
+        self.check_parts()?;
+        if self.parts == [1, 1] {
+            return self.whole(gpu);
         }
-        check_map(&self.map, self.window.hierarchy)?;
-        let store = Box::new(AreaStore::with(gpu, &self.window, None, self.layers)?);
-        let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
-        // Peeling finds the depths of the first layer again, from the same triangles.
-        let first = CasterDepth::new(gpu, Faces::Both, PolygonOffset::default())?;
-        let map = MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?;
-        Ok(Box::new(map.drawn_by(first)))
+        Ok(Box::new(Split::new(gpu, self.parts, || self.whole(gpu))?))
     }
 
     fn set_map_size(&mut self, size: u32) {

@@ -23,6 +23,7 @@ mod pcss;
 mod radial_search;
 mod single_sample;
 mod slices;
+mod split;
 mod store;
 mod table;
 pub mod twin;

@@ -86,12 +86,26 @@ impl AreaLight {
     }
 }
 
+/// What only some techniques have beside the map.
+#[derive(Default)]
+pub(crate) struct Beside<'a> {
+    /// A table of integers of two channels of the map's linear depth.
+    pub(crate) table: Option<Sat>,
+    /// Surfaces along each ray; 0 and 1 are the map alone.
+    pub(crate) layers: u32,
+    /// What the cells of the light emit, for `soft/emitted.wesl`.
+    pub(crate) emission: Option<&'a [f32]>,
+}
+
 /// What the bind group holds that may change: the pyramid in bindings 1 and 4, the table in 3, deeper layers in 5 to 7.
 type Bound = [Option<wgpu::TextureView>; 6];
 
 const BOUND: [u32; 6] = [1, 4, 3, 5, 6, 7];
 
-/// The light and its views, the pyramid, the tally, a table of sums and deeper layers, in bind group 2.
+/// Binding of the emission.
+const EMISSION: u32 = 8;
+
+/// The light and its views, the pyramid, the tally, a table of sums, deeper layers and an emission, in bind group 2.
 #[derive(Debug)]
 pub(crate) struct AreaStore {
     window: Window,
@@ -101,6 +115,7 @@ pub(crate) struct AreaStore {
     bounding: Option<Bounding>,
     table: Option<Table>,
     deeper: Option<Deeper>,
+    emission: Option<wgpu::Buffer>,
     group: BindGroupCache<Bound>,
     map: Option<wgpu::TextureView>,
     is_hard: bool,
@@ -108,16 +123,11 @@ pub(crate) struct AreaStore {
 
 impl AreaStore {
     pub(crate) fn new(gpu: &Gpu, window: &Window) -> Result<Self, GpuError> {
-        Self::with(gpu, window, None, 1)
+        Self::with(gpu, window, Beside::default())
     }
 
-    /// With a table of integers of two channels of the map's linear depth, for binding 3, and so many layers.
-    pub(crate) fn with(
-        gpu: &Gpu,
-        window: &Window,
-        table: Option<Sat>,
-        layers: u32,
-    ) -> Result<Self, GpuError> {
+    pub(crate) fn with(gpu: &Gpu, window: &Window, beside: Beside<'_>) -> Result<Self, GpuError> {
+        let Beside { table, layers, emission } = beside;
         window.validate()?;
         let bounding = Bounding::new(gpu, window.hierarchy)?;
         let mut all = vec![entries::storage(0, CS)];
@@ -130,6 +140,7 @@ impl AreaStore {
         }
         let deeper = Deeper::new(gpu, layers)?;
         all.extend(deeper.iter().flat_map(|_| Deeper::entries()));
+        all.extend(emission.map(|_| entries::storage(EMISSION, CS)));
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("area light"),
             entries: &all,
@@ -144,6 +155,7 @@ impl AreaStore {
             bounding,
             table: table.map(|sat| Table::new(gpu, sat)).transpose()?,
             deeper,
+            emission: emission.map(|e| gpu.buffer("emission", bytemuck::cast_slice(e), usage)),
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
@@ -157,6 +169,18 @@ impl AreaStore {
             self.deeper.as_ref().map_or([None, None, None], |deeper| deeper.views().map(Some));
         [pyramid, stack, table, second, third, fourth]
     }
+}
+
+/// An image lies on a rectangle or a disc: a sphere shows every receiver another side, and a sun has no sides.
+fn refuse_images(light: &Light) -> Result<(), GpuError> {
+    if light.is_hard() || matches!(light, Light::Rect { .. } | Light::Disc { .. }) {
+        return Ok(());
+    }
+    Err(GpuError::Invalid {
+        what: "emission",
+        value: format!("one of a {} light", light.kind().name()),
+        fix: "use a rectangle or a disc, whose sides say where an image lies, or no emission",
+    })
 }
 
 /// A light with an extent is seen through views that are orthographic for a sun and else keep depth as 1 / distance.
@@ -179,6 +203,9 @@ impl Store for AreaStore {
         self.is_hard = frame.light.is_hard();
         if !self.is_hard {
             refuse_warps(frame.light, map)?;
+        }
+        if self.emission.is_some() {
+            refuse_images(frame.light)?;
         }
         self.map = map.view().cloned();
         let light = AreaLight::new(frame.light, map);
@@ -203,6 +230,7 @@ impl Store for AreaStore {
             if self.window.tally {
                 all.push(bind::buffer(2, &self.tally));
             }
+            all.extend(self.emission.iter().map(|emission| bind::buffer(EMISSION, emission)));
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("area light"),
                 layout: &self.layout,
@@ -272,5 +300,6 @@ impl Store for AreaStore {
             + self.bounding.as_ref().map_or(0, Bounding::bytes)
             + self.table.as_ref().map_or(0, Table::bytes)
             + self.deeper.as_ref().map_or(0, Deeper::bytes)
+            + self.emission.as_ref().map_or(0, wgpu::Buffer::size)
     }
 }

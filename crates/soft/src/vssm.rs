@@ -7,9 +7,10 @@ use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use antumbra_shaders::module;
 use serde::{Deserialize, Serialize};
 
+use crate::Facing;
 use crate::expectation::{self, Accuracy, HANDED_OVER};
+use crate::store::{AreaStore, Beside};
 use crate::window::{Hierarchy, Window, check_map};
-use crate::{Facing, store::AreaStore};
 
 /// Variance soft shadow mapping (Yang, Dong, Feng, Seidel, Kautz 2010): percentage-closer soft shadows whose two windows, of
 /// any size, are read from a table of sums of depth and its square. Takes as long whatever the light's size. 8 bytes a
@@ -112,7 +113,8 @@ impl TechniqueConfig for Vssm {
                 numbers: self.numbers(),
             },
         )?;
-        let store = Box::new(AreaStore::with(gpu, &self.window(), Some(sat), 1)?);
+        let beside = Beside { table: Some(sat), ..Beside::default() };
+        let store = Box::new(AreaStore::with(gpu, &self.window(), beside)?);
         let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
         Ok(Box::new(MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?))
     }
