@@ -505,6 +505,7 @@ fn estimators() -> Vec<(&'static str, Vec<Slot>)> {
 fn soft() -> Vec<(&'static str, Vec<Slot>)> {
     let patch = Some("soft::micropatch");
     let quad = Some("soft::microquad");
+    let exact = Some("soft::exact_microquad");
     let (mask_64, mask_256, mask_1024) =
         ((4, 4, 0x1111), (8, 4, 0x0101_0101), (16, 2, 0x0001_0001_u32));
     [
@@ -514,12 +515,13 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("radial-search", "soft::radial", None, true, mask_256),
         ("bitmask-micropatch-64", "soft::bitmask", patch, true, mask_64),
         ("bitmask-micropatch", "soft::bitmask", patch, false, mask_256),
-        ("bitmask-microquad", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-microquad", "soft::bitmask", exact, true, mask_256),
         ("bitmask-microquad-1024", "soft::bitmask", quad, false, mask_1024),
-        ("bitmask-layers", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-layers", "soft::bitmask", exact, true, mask_256),
         ("bitmask-multiscale", "soft::bitmask", quad, true, mask_256),
         ("bitmask-y", "soft::bitmask", patch, true, mask_256),
         ("bitmask-emission", "soft::bitmask", patch, true, mask_256),
+        ("bitmask-pattern", "soft::bitmask", quad, true, mask_256),
     ]
     .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
         let taps = if full { 16 } else { 0 };
@@ -527,9 +529,10 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
             "const HIERARCHY: bool = {full};\nconst UMBRA: bool = {full};\nconst BUDGET: i32 = 64;\n\
              const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {full};\n\
              const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
-             const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\nconst EXACT: bool = {full};\n\
+             const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\n\
              const TRIS: bool = {full};\nconst DEEPER: i32 = 3;\n\
-             const EMISSION: i32 = 16;"
+             const EMISSION: i32 = 16;\nconst POINTS: i32 = 256;\nconst POINT_WORDS: i32 = 2;\n\
+             const BUCKETS: i32 = 256;\nconst X_MASKS: i32 = 1280;\nconst Y_MASKS: i32 = 1794;"
         );
         let mut slots = vec![
             module("store", "common::depth_map"),
@@ -544,6 +547,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         }
         match name {
             "bitmask-multiscale" => slots.push(module("soft::bounds", "soft::bounds_multiscale")),
+            "bitmask-pattern" => slots.push(module("soft::mask", "soft::pattern_mask")),
             "bitmask-emission" => slots.push(module("soft::counted", "soft::emitted")),
             "bitmask-y" => slots.push(module("soft::bounds", "soft::bounds_y")),
             _ => {}

@@ -8,11 +8,12 @@ use antumbra_filter::PcfGrid;
 use antumbra_gpu::Counters;
 use antumbra_map::{Bias, MapConfig, Plain};
 use antumbra_measure::Stage;
-use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
+use antumbra_reference::{SampleClass, Truth, TruthOptions, ViewSample};
 use antumbra_sampling::{CascadeFit, Cascades, Select, Splits};
 use antumbra_scene::{Light, Scene, generate};
 use antumbra_soft::{
-    BackProjection, Bitmask, Hierarchy, Occluders, OcclusionTextures, Pcss, Samples, Vssm, Window,
+    BackProjection, Bitmask, Hierarchy, Occluders, OcclusionTextures, Pattern, Pcss, Samples, Vssm,
+    Window,
 };
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
@@ -86,6 +87,11 @@ fn behind_one_plate_all_are_the_closed_form() {
         let occluders = Occluders::Micropatch;
         Config::Bitmask(Bitmask { map, window, samples, occluders, ..Bitmask::default() })
     };
+    let over = |pattern| {
+        let (samples, occluders) = (Samples::S1024, Occluders::Micropatch);
+        let rest = Bitmask::default();
+        Config::Bitmask(Bitmask { map, window, samples, pattern, occluders, ..rest })
+    };
     for light in [rect, disc, ball, sun] {
         let plate = plate(&gpu, light, 1.6);
         for (name, config) in [
@@ -94,6 +100,9 @@ fn behind_one_plate_all_are_the_closed_form() {
             ("back projection", Config::BackProjection(BackProjection { map, window })),
             ("bitmask", mask(Samples::S256)),
             ("bitmask, 1024", mask(Samples::S1024)),
+            ("bitmask, jittered", over(Pattern::Jittered)),
+            ("bitmask, Hammersley", over(Pattern::Hammersley)),
+            ("bitmask, Poisson", over(Pattern::Poisson)),
         ] {
             let (rmse, width) = plate.errors(&gpu, &config);
             assert!(rmse <= 0.01, "{name} under {light:?}: RMSE {rmse}");
@@ -351,6 +360,19 @@ fn a_lone_convex_body_shadows_nothing() {
     assert!(judged > 50_000, "{judged} samples");
 }
 
+/// Root of the mean square error over samples that see a part of the light.
+fn in_penumbra(found: &[f32], truth: &Truth) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (i, v) in found.iter().enumerate() {
+        let t = truth.visibility[i];
+        if truth.class[i] == SampleClass::Counted && t > 0.0 && t < 1.0 {
+            sum += f64::from(v - t).powi(2);
+            count += 1;
+        }
+    }
+    (sum / f64::from(count.max(1))).sqrt()
+}
+
 #[test]
 fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
     let gpu = gpu();
@@ -368,18 +390,7 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
         let window = Window::default();
         let mask =
             |occluders| Config::Bitmask(Bitmask { map, window, occluders, ..Bitmask::default() });
-        let error = |config: &Config| {
-            let found = shoot(&gpu, &stage, &light, config);
-            let (mut sum, mut count) = (0.0, 0);
-            for (i, v) in found.iter().enumerate() {
-                let t = truth.visibility[i];
-                if truth.class[i] == SampleClass::Counted && t > 0.0 && t < 1.0 {
-                    sum += f64::from(v - t).powi(2);
-                    count += 1;
-                }
-            }
-            (sum / f64::from(count.max(1))).sqrt()
-        };
+        let error = |config: &Config| in_penumbra(&shoot(&gpu, &stage, &light, config), &truth);
         let errors = [
             error(&Config::PcfGrid(PcfGrid { map, side: 5 })),
             error(&Config::Pcss(Pcss { map, ..Pcss::default() })),
@@ -402,6 +413,39 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
             assert!(closed < patches && tris < exact, "{errors:?}");
         }
     }
+}
+
+#[test]
+fn quads_lose_half_a_block_at_silhouettes_and_patches_leak_as_much_whatever_a_block_is() {
+    const BUDGETS: [u32; 4] = [8, 16, 32, 64];
+    let gpu = gpu();
+    let stage = seen(&gpu, &generate::by_name("sphere").expect("a scene"), 96);
+    let light = Light::Rect {
+        center: DVec3::new(0.5, 6.0, 0.5),
+        half_u: DVec3::X * 0.6,
+        half_v: DVec3::Z * 0.6,
+    };
+    let options = TruthOptions { light_samples: 1024, ..TruthOptions::default() };
+    let truth = stage.truth(&light, &options);
+    let errors = |occluders, layers| {
+        BUDGETS.map(|budget| {
+            let window = Window { budget, ..Window::default() };
+            let rest = Bitmask::default();
+            let config = Bitmask { map: map(1024), window, occluders, layers, ..rest };
+            let found = shoot(&gpu, &stage, &light, &Config::Bitmask(config));
+            in_penumbra(&found, &truth)
+        })
+    };
+    let quads = errors(Occluders::Microquad, 2);
+    let patches = errors(Occluders::Micropatch, 1);
+    // Half a block at each border: with each doubling half of the error, but for that of samples, and of the texels.
+    assert!(quads.windows(2).all(|e| e[1] < e[0] / 1.4), "quads {quads:?}");
+    assert!(quads[3] < quads[0] / 5.0, "quads {quads:?}");
+    // A surface that recedes leaves the same share open between texels of any size.
+    let (least, most) = patches.iter().fold((f64::MAX, 0.0), |(a, b), e| (e.min(a), e.max(b)));
+    assert!(most < 1.3 * least, "patches {patches:?}");
+    // So that quads are worse where blocks are coarse, and better where they are fine.
+    assert!(quads[0] > patches[0] && quads[3] < 0.5 * patches[3], "{quads:?}, {patches:?}");
 }
 
 #[test]

@@ -7,8 +7,8 @@ use antumbra_map::{Bias, MapConfig, MapTechnique};
 use antumbra_scene::{Emission, Light};
 use antumbra_soft::twin::occlusion::{Slices, planes};
 use antumbra_soft::{
-    BackProjection, Bitmask, Fusion, Hierarchy, Occluders, OcclusionTextures, Pcss, Placement,
-    Samples, Vssm, Window,
+    BackProjection, Bitmask, Fusion, Hierarchy, Occluders, OcclusionTextures, Pattern, Pcss,
+    Placement, Samples, Vssm, Window,
 };
 use antumbra_tests::gpu;
 use area::{below_a_square_light, bodies, map, seen};
@@ -337,6 +337,9 @@ fn settings_that_a_soft_shadow_cannot_use_are_refused_with_a_fix() {
     for parts in [[0, 1], [1, 9]] {
         refuses(&Config::Bitmask(Bitmask { parts, ..Bitmask::default() }), "use 1 to 8");
     }
+    let (pattern, occluders) = (Pattern::Hammersley, Occluders::Microtri);
+    let triangles = Bitmask { pattern, occluders, ..Bitmask::default() };
+    refuses(&Config::Bitmask(triangles), "which mark rectangles");
     let (emission, parts) = (Emission::new(1, 1, &[1.0]).ok(), [2, 2]);
     let both = Bitmask { emission, parts, ..Bitmask::default() };
     refuses(&Config::Bitmask(both), "`emission` out");

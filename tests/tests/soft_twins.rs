@@ -7,7 +7,7 @@ use antumbra_soft::twin::View;
 use antumbra_soft::twin::mask::Mask;
 use antumbra_soft::twin::techniques::{Map, Receiver};
 use antumbra_soft::{
-    Bitmask, Hierarchy, Occluders, Pcss, Samples, SingleSample, WidthLookup, Window,
+    Bitmask, Hierarchy, Occluders, Pattern, Pcss, Samples, SingleSample, WidthLookup, Window,
 };
 use antumbra_tests::gpu;
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -25,14 +25,14 @@ impl Random {
     }
 }
 
-/// Runs a shader with the entry point `main` over `count` threads: storage buffers and perhaps a map in group 0, the light
-/// in group 2; gives back the last buffer of group 0.
+/// Runs a shader with the entry point `main` over `count` threads: storage buffers in group 0, the light or what else there is
+/// at a binding of group 2; gives back the last buffer of group 0.
 fn run(
     gpu: &Gpu,
     wgsl: String,
     given: &[&[u8]],
     result: usize,
-    light: Option<&[u8]>,
+    light: Option<(u32, &[u8])>,
     count: u32,
 ) -> Vec<u8> {
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -58,8 +58,8 @@ fn run(
         })
     };
     let first = group(0, &entries);
-    let light = light.map(|bytes| gpu.buffer("light", bytes, storage));
-    let second = light.as_ref().map(|light| group(2, &[bind::buffer(0, light)]));
+    let light = light.map(|(binding, bytes)| (binding, gpu.buffer("light", bytes, storage)));
+    let second = light.as_ref().map(|(binding, bytes)| group(2, &[bind::buffer(*binding, bytes)]));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(&pipeline);
@@ -123,6 +123,65 @@ fn masks_of_a_million_rectangles_are_bit_for_bit_those_of_the_twin() {
                 assert_eq!(found, mask.words, "{samples:?}, batch {batch}: {r:?}");
             }
         }
+    }
+}
+
+#[test]
+fn masks_of_any_pattern_are_bit_for_bit_those_of_its_samples_one_by_one() {
+    const COUNT: usize = 20_000;
+    let gpu = gpu();
+    let mut random = Random(17);
+    // Whatever is given: few points, on a line, on a grid, twice the same, not a multiple of a word.
+    let few = vec![[0.25, 0.5], [0.75, 0.5], [0.75, 0.5], [0.0, 0.999]];
+    let grid = (0..256).map(|i| [0.0625 * (i % 16) as f32, 0.0625 * (i / 16) as f32]).collect();
+    let loose = (0..300).map(|_| [0; 2].map(|_| random.next() as f32 * 0.999)).collect();
+    let patterns = [
+        (Pattern::Jittered, Samples::S1024),
+        (Pattern::Hammersley, Samples::S256),
+        (Pattern::Poisson, Samples::S64),
+        (Pattern::Points(few), Samples::S64),
+        (Pattern::Points(grid), Samples::S64),
+        (Pattern::Points(loose), Samples::S64),
+    ];
+    for (pattern, samples) in patterns {
+        let tables = pattern.tables(samples).expect("a valid pattern").expect("not of tiles");
+        let slots = [
+            source("config", tables.constants.clone()),
+            module("soft::mask", "soft::pattern_mask"),
+        ];
+        let wgsl = link_source("tests::rectangles", RECTANGLES, &slots).expect("it links");
+        let points = pattern.points(samples).expect("a valid pattern").expect("not of tiles");
+        let words = 4 * points.len().div_ceil(128).next_power_of_two();
+        // Anywhere, on samples, beyond the light, empty and turned inside out.
+        let mut corner = |axis: usize| {
+            let t = random.next() as f32;
+            match (random.next() * 3.0) as u32 {
+                0 => points[(t * points.len() as f32) as usize % points.len()][axis],
+                1 => t * 3.0 - 1.0,
+                _ => t,
+            }
+        };
+        let rectangles: Vec<[f32; 4]> = (0..COUNT).map(|_| [0, 1, 0, 1].map(&mut corner)).collect();
+        let given = bytemuck::cast_slice(&rectangles);
+        let group = Some((9, bytemuck::cast_slice(&tables.data)));
+        let bytes = run(&gpu, wgsl, &[given], COUNT * words * 4, group, COUNT as u32);
+        let found: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        let mut marked = 0;
+        for (r, found) in rectangles.iter().zip(found.chunks(words)) {
+            // The shader's test has its words by lane, then by vector.
+            let bit = |i: usize| {
+                let (vector, lane) = (i / 128, (i / 32) % 4);
+                found[lane * (words / 4) + vector] >> (i % 32) & 1 == 1
+            };
+            for (i, [x, y]) in points.iter().enumerate() {
+                let inside = r[0] <= *x && *x < r[2] && r[1] <= *y && *y < r[3];
+                assert_eq!(bit(i), inside, "{pattern:?}: sample {i} of {r:?}");
+                marked += u32::from(inside);
+            }
+            let bits: u32 = found.iter().map(|word| word.count_ones()).sum();
+            assert!(bits as usize <= points.len(), "bits of no sample: {r:?}");
+        }
+        assert!(marked > 1000, "{pattern:?}: {marked}, the control");
     }
 }
 
@@ -230,7 +289,8 @@ fn stored(texel: vec2i) -> f32 {
     }
     let given = bytemuck::cast_slice(receivers);
     let light = upload(view, kind);
-    let bytes = run(gpu, wgsl, &[given], receivers.len() * 4, Some(&light), receivers.len() as u32);
+    let bytes =
+        run(gpu, wgsl, &[given], receivers.len() * 4, Some((0, &light)), receivers.len() as u32);
     bytemuck::pod_collect_to_vec(&bytes)
 }
 
@@ -284,19 +344,15 @@ fn estimators_agree_with_their_twins_under_every_light() {
         compare("areas", &found, &exact, 1e-3, 0);
         for occluders in Occluders::ALL {
             let config = Bitmask { window, occluders, ..Bitmask::default() };
-            let (close, exact_quads, tris) = (
-                occluders == Occluders::ClosedMicropatch,
-                matches!(occluders, Occluders::ExactMicroquad | Occluders::Microtri),
-                occluders == Occluders::Microtri,
-            );
+            let (close, tris) =
+                (occluders == Occluders::ClosedMicropatch, occluders == Occluders::Microtri);
             let path = match occluders {
                 Occluders::Micropatch | Occluders::ClosedMicropatch => "soft::micropatch",
-                _ => "soft::microquad",
+                Occluders::Microquad => "soft::microquad",
+                _ => "soft::exact_microquad",
             };
             let constants = config.samples.constants()
-                + &format!(
-                    "const CLOSE: bool = {close};\nconst EXACT: bool = {exact_quads};\nconst TRIS: bool = {tris};\n"
-                );
+                + &format!("const CLOSE: bool = {close};\nconst TRIS: bool = {tris};\n");
             let mut slots = base("soft::bitmask", constants);
             slots.push(module("occluders", path));
             slots.push(module("soft::deeper", "soft::no_deeper"));

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Facing;
 use crate::expectation::{self, Accuracy};
+use crate::pattern::{Pattern, PatternTables};
 use crate::split::Split;
 use crate::store::{AreaStore, Beside};
 use crate::window::{Window, check_map};
@@ -37,7 +38,7 @@ impl Samples {
     }
 
     /// Cells a side of which each has one sample: of the four in a tile one lies in each quarter of it.
-    fn cells(self) -> u32 {
+    pub(crate) fn cells(self) -> u32 {
         2 * self.tiles()
     }
 
@@ -91,13 +92,23 @@ impl Occluders {
         !matches!(self, Self::Micropatch | Self::ClosedMicropatch)
     }
 
+    /// Whether triangles are marked, as opposed to rectangles.
+    fn is_exact(self) -> bool {
+        matches!(self, Self::ExactMicroquad | Self::Microtri)
+    }
+
+    fn module(self) -> &'static str {
+        match self {
+            Self::Micropatch | Self::ClosedMicropatch => "soft::micropatch",
+            Self::Microquad => "soft::microquad",
+            Self::ExactMicroquad | Self::Microtri => "soft::exact_microquad",
+        }
+    }
+
     fn constants(self) -> String {
         let close = self == Self::ClosedMicropatch;
-        let exact = matches!(self, Self::ExactMicroquad | Self::Microtri);
         let tris = self == Self::Microtri;
-        format!(
-            "const CLOSE: bool = {close};\nconst EXACT: bool = {exact};\nconst TRIS: bool = {tris};\n"
-        )
+        format!("const CLOSE: bool = {close};\nconst TRIS: bool = {tris};\n")
     }
 }
 
@@ -112,6 +123,9 @@ pub struct Bitmask {
     pub window: Window,
     /// Samples of the light, default 256. Cost: in proportion, a texel's operations.
     pub samples: Samples,
+    /// Where they lie, default tiles of a rotated grid of four. Cost of others: 16 fetches or more a texel from a table of 20 to
+    /// 300 KiB, in place of operations; for rectangles only.
+    pub pattern: Pattern,
     /// What occludes, default micropatches without gaps.
     pub occluders: Occluders,
     /// Surfaces along each ray from the light's centre that occlude, 1 to 4, default 1: what lies behind the first hides other
@@ -134,6 +148,7 @@ impl Default for Bitmask {
             map: MapConfig::default(),
             window: Window::default(),
             samples: Samples::default(),
+            pattern: Pattern::default(),
             occluders: Occluders::default(),
             layers: 1,
             emission: None,
@@ -143,25 +158,46 @@ impl Default for Bitmask {
 }
 
 impl Bitmask {
-    fn estimator(&self) -> Result<Estimator, GpuError> {
+    /// The tables of a pattern that needs some.
+    fn tables(&self) -> Result<Option<PatternTables>, GpuError> {
+        if self.occluders.is_exact() && self.pattern != Pattern::Tiles {
+            let value = "triangles over a pattern of samples".to_owned();
+            let fix =
+                "use micropatches or microquads, which mark rectangles, or the pattern of tiles";
+            return Err(GpuError::Invalid { what: "occluders", value, fix });
+        }
+        self.pattern.tables(self.samples)
+    }
+
+    /// Cells a side of which each has some one sample.
+    fn cells(&self) -> u32 {
+        match &self.pattern {
+            Pattern::Points(points) => points.len().isqrt().max(1) as u32,
+            _ => self.samples.cells(),
+        }
+    }
+
+    fn estimator(&self, tables: Option<&PatternTables>) -> Result<Estimator, GpuError> {
         if !(1..=4).contains(&self.layers) {
             let (what, fix) = ("layers", "use 1 to 4");
             return Err(GpuError::Invalid { what, value: self.layers.to_string(), fix });
         }
-        let quad = self.occluders.is_quad();
-        let path = if quad { "soft::microquad" } else { "soft::micropatch" };
         let constants = self.samples.constants()
             + &self.occluders.constants()
             + &format!("const DEEPER: i32 = {};\n", self.layers - 1)
-            + &format!("const EMISSION: i32 = {};\n", self.samples.cells());
+            + &format!("const EMISSION: i32 = {};\n", self.cells())
+            + tables.map_or("", |tables| &tables.constants);
         let texels = match self.occluders {
             Occluders::Micropatch => 1,
             _ => 4,
         };
         let fetches = self.window.budget.saturating_pow(2).saturating_mul(texels * self.layers);
-        let mut slots = vec![module("occluders", path)];
+        let mut slots = vec![module("occluders", self.occluders.module())];
         if self.layers == 1 {
             slots.push(module("soft::deeper", "soft::no_deeper"));
+        }
+        if tables.is_some() {
+            slots.push(module("soft::mask", "soft::pattern_mask"));
         }
         if self.emission.is_some() {
             slots.push(module("soft::counted", "soft::emitted"));
@@ -173,13 +209,19 @@ impl Bitmask {
 impl Bitmask {
     /// Of a light that is not cut, or of one part.
     fn whole(&self, gpu: &Gpu) -> Result<Box<dyn Technique>, GpuError> {
-        let estimator = self.estimator()?;
+        let tables = self.tables()?;
+        let estimator = self.estimator(tables.as_ref())?;
         check_map(&self.map, self.window.hierarchy)?;
         let emission: Option<Vec<f32>> = self.emission.as_ref().map(|emission| {
-            let means = emission.means(self.samples.cells());
+            let means = emission.means(self.cells());
             means.into_iter().map(|mean| mean as f32).collect()
         });
-        let beside = Beside { table: None, layers: self.layers, emission: emission.as_deref() };
+        let beside = Beside {
+            layers: self.layers,
+            emission: emission.as_deref(),
+            pattern: tables.as_ref().map(|tables| &tables.data[..]),
+            ..Beside::default()
+        };
         let store = Box::new(AreaStore::with(gpu, &self.window, beside)?);
         let arrange = Box::new(Facing { hard: self.map.omni, whole: false });
         let map = MapTechnique::arranged_with_store(gpu, &self.map, estimator, arrange, store)?;
@@ -221,8 +263,15 @@ impl TechniqueConfig for Bitmask {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        // An edge that runs along the samples' rows is off by half of one of 4 a tile; two an axis.
-        let edge = 0.5 / f64::from(4 * self.samples.tiles());
+        let edge = match self.pattern {
+            // An edge that runs along the samples' rows is off by half of one of 4 a tile; two an axis.
+            Pattern::Tiles => 0.5 / f64::from(4 * self.samples.tiles()),
+            // A row of cells, of which each has one.
+            Pattern::Jittered | Pattern::Hammersley | Pattern::Poisson => {
+                1.0 / f64::from(self.cells())
+            }
+            Pattern::Points(_) => return None,
+        };
         let accuracy = Accuracy {
             apart: 4.0 * edge,
             contact: edge,

@@ -95,6 +95,8 @@ pub(crate) struct Beside<'a> {
     pub(crate) layers: u32,
     /// What the cells of the light emit, for `soft/emitted.wesl`.
     pub(crate) emission: Option<&'a [f32]>,
+    /// The tables of `soft/pattern_mask.wesl`.
+    pub(crate) pattern: Option<&'a [[u32; 4]]>,
 }
 
 /// What the bind group holds that may change: the pyramid in bindings 1 and 4, the table in 3, deeper layers in 5 to 7.
@@ -105,7 +107,10 @@ const BOUND: [u32; 6] = [1, 4, 3, 5, 6, 7];
 /// Binding of the emission.
 const EMISSION: u32 = 8;
 
-/// The light and its views, the pyramid, the tally, a table of sums, deeper layers and an emission, in bind group 2.
+/// Binding of a pattern of samples.
+const PATTERN: u32 = 9;
+
+/// The light and its views, the pyramid, the tally, a table of sums, deeper layers, an emission and a pattern, in bind group 2.
 #[derive(Debug)]
 pub(crate) struct AreaStore {
     window: Window,
@@ -116,6 +121,7 @@ pub(crate) struct AreaStore {
     table: Option<Table>,
     deeper: Option<Deeper>,
     emission: Option<wgpu::Buffer>,
+    pattern: Option<wgpu::Buffer>,
     group: BindGroupCache<Bound>,
     map: Option<wgpu::TextureView>,
     is_hard: bool,
@@ -127,7 +133,7 @@ impl AreaStore {
     }
 
     pub(crate) fn with(gpu: &Gpu, window: &Window, beside: Beside<'_>) -> Result<Self, GpuError> {
-        let Beside { table, layers, emission } = beside;
+        let Beside { table, layers, emission, pattern } = beside;
         window.validate()?;
         let bounding = Bounding::new(gpu, window.hierarchy)?;
         let mut all = vec![entries::storage(0, CS)];
@@ -141,6 +147,7 @@ impl AreaStore {
         let deeper = Deeper::new(gpu, layers)?;
         all.extend(deeper.iter().flat_map(|_| Deeper::entries()));
         all.extend(emission.map(|_| entries::storage(EMISSION, CS)));
+        all.extend(pattern.map(|_| entries::storage(PATTERN, CS)));
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("area light"),
             entries: &all,
@@ -156,6 +163,7 @@ impl AreaStore {
             table: table.map(|sat| Table::new(gpu, sat)).transpose()?,
             deeper,
             emission: emission.map(|e| gpu.buffer("emission", bytemuck::cast_slice(e), usage)),
+            pattern: pattern.map(|p| gpu.buffer("pattern", bytemuck::cast_slice(p), usage)),
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
@@ -231,6 +239,7 @@ impl Store for AreaStore {
                 all.push(bind::buffer(2, &self.tally));
             }
             all.extend(self.emission.iter().map(|emission| bind::buffer(EMISSION, emission)));
+            all.extend(self.pattern.iter().map(|pattern| bind::buffer(PATTERN, pattern)));
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("area light"),
                 layout: &self.layout,
@@ -301,5 +310,6 @@ impl Store for AreaStore {
             + self.table.as_ref().map_or(0, Table::bytes)
             + self.deeper.as_ref().map_or(0, Deeper::bytes)
             + self.emission.as_ref().map_or(0, wgpu::Buffer::size)
+            + self.pattern.as_ref().map_or(0, wgpu::Buffer::size)
     }
 }
