@@ -1,6 +1,7 @@
 //! What the workspace's tests share.
 
 use antumbra_gpu::{Gpu, GpuOptions, Recorder, wgpu};
+use glam::DVec3;
 
 /// The device that tests run on.
 ///
@@ -18,6 +19,41 @@ pub fn gpu() -> Gpu {
 /// under some of the lights. For tests in which layout and estimator, which meet at link time, need not meet all in all.
 pub fn one_in<T>(of: usize, turn: usize, all: Vec<T>) -> impl Iterator<Item = T> {
     all.into_iter().skip(turn % of).step_by(of)
+}
+
+/// Seeded random numbers, the same everywhere: SplitMix64 (Steele, Lea, Flood 2014).
+#[derive(Clone, Copy, Debug)]
+pub struct Random(pub u64);
+
+impl Random {
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// Evenly spread in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 * 0.5f64.powi(53)
+    }
+
+    /// Evenly spread in [-1, 1).
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// Three of [`Random::signed`].
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// A whole number below `count`.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
 }
 
 /// A square float image of `size` texels a side and as many channels as there are values, 1, 2 or 4, as a `D2Array` view.

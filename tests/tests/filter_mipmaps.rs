@@ -8,9 +8,7 @@ use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use antumbra_measure::Stage;
 use antumbra_scene::{LightKind, generate};
 use antumbra_shaders::{link_source, module, source};
-use antumbra_tests::{gpu, image};
-
-use crate::filter_windows::Random;
+use antumbra_tests::{Random, gpu, image};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
@@ -107,12 +105,12 @@ fn lookups(gpu: &Gpu, texels: &[f32], footprint: Footprint, queries: &[Query]) -
 /// Footprints from a thousandth of a texel to many times the image, of any shape, within the image and at its border.
 fn queries(random: &mut Random, count: usize) -> Vec<Query> {
     let mut vector = |longest: f64| {
-        let (angle, length) = (std::f64::consts::TAU * random.next(), random.next());
+        let (angle, length) = (std::f64::consts::TAU * random.unit(), random.unit());
         let length = longest * (length * 12.0).exp2() / 4096.0;
         [length * angle.cos(), length * angle.sin()]
     };
     let sides: Vec<_> = (0..count).map(|_| [vector(100.0), vector(30.0)]).collect();
-    let texel = |random: &mut Random| (f64::from(SIZE) * random.next()) as f32;
+    let texel = |random: &mut Random| (f64::from(SIZE) * random.unit()) as f32;
     let query = |[a, b]: [[f64; 2]; 2]| {
         let [x, y] = [texel(random), texel(random)];
         [a[0] as f32, a[1] as f32, b[0] as f32, b[1] as f32, x, y]
@@ -124,7 +122,7 @@ fn queries(random: &mut Random, count: usize) -> Vec<Query> {
 fn lookups_over_footprints_are_those_of_their_twin_and_know_their_kernel() {
     let gpu = gpu();
     let mut random = Random(5);
-    let texels: Vec<f32> = (0..SIZE * SIZE).map(|_| random.next() as f32).collect();
+    let texels: Vec<f32> = (0..SIZE * SIZE).map(|_| random.unit() as f32).collect();
     let queries = queries(&mut random, 100_000);
     for footprint in [Footprint::default(), Footprint { largest: 8, lookups: 1 }] {
         let found = lookups(&gpu, &texels, footprint, &queries);
@@ -190,7 +188,7 @@ fn lookups_over_footprints_are_those_of_their_twin_and_know_their_kernel() {
 fn where_a_map_is_magnified_a_lookup_is_bilinear() {
     let gpu = gpu();
     let mut random = Random(6);
-    let texels: Vec<f32> = (0..SIZE * SIZE).map(|_| random.next() as f32).collect();
+    let texels: Vec<f32> = (0..SIZE * SIZE).map(|_| random.unit() as f32).collect();
     let small = |q: Query| [0.3 * q[0] / 100.0, 0.0, 0.0, q[3] / 100.0, q[4], q[5]];
     let queries: Vec<Query> = queries(&mut random, 10_000).into_iter().map(small).collect();
     let found = lookups(&gpu, &texels, Footprint::default(), &queries);

@@ -3,27 +3,10 @@
 use antumbra_filter::twin;
 use antumbra_gpu::{Gpu, bind, read_buffer};
 use antumbra_shaders::{MODULES, Slot, link_source, module, source};
-use antumbra_tests::gpu;
+use antumbra_tests::{Random, gpu};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
-
-/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        (self.next() * count as f64) as usize
-    }
-}
 
 /// Depths and weights of a kernel, and a receiver.
 const DEPTHS: usize = 7;
@@ -40,26 +23,26 @@ impl Case {
     fn random(random: &mut Random) -> Self {
         let count = 1 + random.below(DEPTHS);
         let kind = random.below(3);
-        let centers = [random.next(), random.next()];
-        let width = 10f64.powf(-5.0 * random.next());
+        let centers = [random.unit(), random.unit()];
+        let width = 10f64.powf(-5.0 * random.unit());
         let mut window = [[0.0f32; 2]; DEPTHS];
         let mut sum = 0.0;
         for (i, entry) in window.iter_mut().enumerate().take(count) {
             let depth = match kind {
-                0 => random.next(),
-                1 => (centers[i % 2] + width * (random.next() - 0.5)).clamp(0.0, 1.0),
+                0 => random.unit(),
+                1 => (centers[i % 2] + width * (random.unit() - 0.5)).clamp(0.0, 1.0),
                 _ => [0.0, 1.0, centers[0], centers[1]][i % 4],
             };
-            let weight = if random.below(3) == 0 { 1.0 } else { random.next() + 1e-3 };
+            let weight = if random.below(3) == 0 { 1.0 } else { random.unit() + 1e-3 };
             sum += weight;
             *entry = [depth as f32, weight as f32];
         }
         window.iter_mut().for_each(|e| e[1] = (f64::from(e[1]) / sum) as f32);
         let z = if random.below(2) == 0 {
-            random.next() as f32
+            random.unit() as f32
         } else {
             let near = f64::from(window[random.below(count)][0]);
-            (near + 10f64.powf(-5.0 * random.next()) * (random.next() - 0.3)).clamp(0.0, 1.0) as f32
+            (near + 10f64.powf(-5.0 * random.unit()) * (random.unit() - 0.3)).clamp(0.0, 1.0) as f32
         };
         Self { window, receiver: [z, 0.0] }
     }

@@ -5,23 +5,10 @@ use antumbra_gpu::{
     Gpu, LayerJob, Recorder, Sat, SatNumbers, SatShader, bind, read_buffer, sat_rounding,
 };
 use antumbra_shaders::{link_source, module};
-use antumbra_tests::{gpu, image};
+use antumbra_tests::{Random, gpu, image};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
-
-/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
-}
 
 const WINDOWS: &str = "
 import package::gpu::sat_window::{window_around, window_mean_over, window_spread};
@@ -90,12 +77,12 @@ fn windows_of_a_table_are_the_twins_and_see_its_border_repeated() {
     let gpu = gpu();
     let mut random = Random(11);
     // Depth, and the square of signed depth, as they are kept in integers; about the middle in floats.
-    let depths: Vec<f32> = (0..SIZE * SIZE).map(|_| random.next() as f32).collect();
+    let depths: Vec<f32> = (0..SIZE * SIZE).map(|_| random.unit() as f32).collect();
     let queries: Vec<[f32; 4]> = (0..100_000)
         .map(|_| {
-            let mut center = || (SIZE as f64 + 8.0) * random.next() - 4.0;
+            let mut center = || (SIZE as f64 + 8.0) * random.unit() - 4.0;
             let at = [center(), center()];
-            let half = [0.5 + (MOST - 0.5) * random.next(), 0.5 + (MOST - 0.5) * random.next()];
+            let half = [0.5 + (MOST - 0.5) * random.unit(), 0.5 + (MOST - 0.5) * random.unit()];
             [at[0], at[1], half[0], half[1]].map(|v| v as f32)
         })
         .collect();

@@ -3,6 +3,8 @@
 
 #[path = "omni/room.rs"]
 mod room;
+#[path = "omni/seams.rs"]
+mod seams;
 
 use antumbra::Config;
 use antumbra_filter::{PcfBilinearGrid, PcfCastano, PcfGrid, PcfHardware, PcfPoisson};

@@ -5,8 +5,9 @@ use antumbra_gpu::{
     TechniqueConfig, read_f32_texture,
 };
 use antumbra_map::projection::{ShadowTextureTechnique, twin};
-use antumbra_map::{DiscShadows, Planar, Plane, ShadowTexture};
+use antumbra_map::{DiscShadows, MapConfig, MapTechnique, Planar, Plane, ShadowTexture};
 use antumbra_measure::Stage;
+use antumbra_measure::stability::Case;
 use antumbra_reference::{SampleClass, Truth, TruthOptions, ViewSample};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, Scene};
@@ -508,6 +509,35 @@ fn casters_that_name_no_floor_get_shadows_on_the_planes_given() {
         let usual = ShadowTexture { size: 512, ..ShadowTexture::default() };
         assert!(shadows(&frame, &mask) == shadows(&whole, &usual), "{light:?}: shadow texture");
     }
+}
+
+/// HC-17. Of the cube's shadow on a wall that does not receive, the eye sees what lies past the cube's back, from 0.87 m on, up
+/// to 1.11 m: a strip of 0.24 m, of casters that are 8.5 m as the light sees them, whatever a map's texels are.
+#[test]
+fn of_a_wall_that_does_not_receive_the_strip_in_sight_is_wrong_at_any_map_size() {
+    let gpu = gpu();
+    let case = Case::by_name("HC-17 beyond the far plane").expect("a case of that name");
+    for size in [128, 1024, 2048] {
+        let mut found = Vec::new();
+        let discs = DiscShadows::default();
+        let texture = ShadowTexture { size, ..ShadowTexture::default() };
+        let all: [&dyn TechniqueConfig; 3] = [&Planar::default(), &discs, &texture];
+        for config in all {
+            let mut technique = config.build(&gpu).expect("a valid config");
+            let texels = case.measure(&gpu, technique.as_mut(), size).expect("measured");
+            found.push(texels * 8.5 / f64::from(size));
+            let expected = config.expectation(case.name).expect("an expectation");
+            assert!(expected.is_met_by(texels), "{size}: {texels}, not {expected:?}");
+        }
+        // Samples are 0.2 m apart, so that a column lies somewhere in the strip.
+        assert!(found.iter().all(|m| (0.04..0.24).contains(m)), "{size}: {found:?} m");
+    }
+    // The control: a map shadows the wall, and is wrong within its texels only.
+    let size = 1024;
+    let map = MapConfig { size, ..MapConfig::default() };
+    let mut map = MapTechnique::plain(&gpu, &map).expect("a valid config");
+    let texels = case.measure(&gpu, &mut map, size).expect("measured");
+    assert!(texels * 8.5 / f64::from(size) < 0.04, "{texels} texels");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use antumbra_measure::{MeasureError, Stage};
 use antumbra_reference::{SampleClass, Truth, TruthOptions};
 use antumbra_scene::generate::{self, shapes};
 use antumbra_scene::{Camera, Light, LightKind, Scene};
-use antumbra_tests::gpu;
+use antumbra_tests::{Random, gpu};
 use antumbra_volume::silhouette::twin::{determinant, magnitude, may_shadow, weights};
 use antumbra_volume::silhouette::{Counted, Meshes, Silhouette};
 use antumbra_volume::{Counter, Savings, Side, homogeneous_light};
@@ -325,16 +325,12 @@ impl MayShadow {
     }
 }
 
-/// Numbers in [-1, 1): SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
+/// Numbers in [-1, 1).
+struct Numbers(Random);
 
-impl Random {
+impl Numbers {
     fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 40) as f32 / 8_388_608.0 - 1.0
+        (self.0.bits() >> 40) as f32 / 8_388_608.0 - 1.0
     }
 
     fn vector(&mut self) -> Vec3 {
@@ -411,7 +407,7 @@ fn may_shadow_on_the_gpu(gpu: &Gpu, cases: &[MayShadow]) -> Vec<bool> {
 #[test]
 fn what_may_shadow_is_never_missed_and_little_else_is_kept() {
     let gpu = gpu();
-    let mut random = Random(1);
+    let mut random = Numbers(Random(1));
     let cases: Vec<_> = (0..100_000).map(|i| random.may_shadow(i % 2 == 0)).collect();
     let answers = may_shadow_on_the_gpu(&gpu, &cases);
     let (mut yes, mut needless) = (0, 0);
@@ -431,7 +427,7 @@ fn what_may_shadow_is_never_missed_and_little_else_is_kept() {
 /// Boxes at random against rays: what the twin says no to, no ray finds.
 #[test]
 fn no_ray_meets_a_caster_that_may_not_shadow() {
-    let mut random = Random(3);
+    let mut random = Numbers(Random(3));
     let (mut refused, mut met) = (0, 0);
     for i in 0..200_000 {
         let case = random.may_shadow(i % 2 == 0);

@@ -4,7 +4,7 @@ use antumbra_gpu::{
     Anchor, Beyond, BlurShader, Gpu, LayerJob, Pyramid, PyramidKind, bind, read_buffer, wgpu,
 };
 use antumbra_shaders::{link_source, module};
-use antumbra_tests::{gpu, submit};
+use antumbra_tests::{Random, gpu, submit};
 
 const LAYERS: u32 = 5;
 
@@ -34,24 +34,11 @@ struct Query {
     layer: [i32; 4],
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014), below `count`.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, count: u32) -> u32 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) % u64::from(count)) as u32
-    }
-}
-
 /// Where a side of a window begins and ends, short ones as often as long ones.
 fn span(random: &mut Random, size: u32) -> (i32, i32) {
     let most = 1 << random.below(7);
-    let length = 1 + random.below(most).min(size - 1);
-    let first = random.below(size - length + 1);
+    let length = 1 + random.below(most).min(size as usize - 1);
+    let first = random.below(size as usize - length + 1);
     (first as i32, (first + length) as i32)
 }
 
@@ -164,14 +151,14 @@ fn windows_of_any_size_in_any_layer_are_bounded_wherever_they_lie() {
         // From 0 to 1, each layer in a range of its own.
         let values: Vec<f32> = (0..texels)
             .map(|i| {
-                let within = f64::from(random.below(1 << 20)) / 2e6;
+                let within = random.below(1 << 20) as f64 / 2e6;
                 ((i / (size * size) as usize) as f64 + within) as f32 / LAYERS as f32
             })
             .collect();
         let queries: Vec<Query> = (0..20_000)
             .map(|_| {
                 let ((x0, x1), (y0, y1)) = (span(&mut random, size), span(&mut random, size));
-                let layer = random.below(LAYERS) as i32;
+                let layer = random.below(LAYERS as usize) as i32;
                 Query { window: [x0, y0, x1, y1], layer: [layer, 0, 0, 0] }
             })
             .collect();

@@ -9,21 +9,8 @@ use antumbra_soft::twin::techniques::{Map, Receiver};
 use antumbra_soft::{
     Bitmask, Hierarchy, Occluders, Pattern, Pcss, Samples, SingleSample, WidthLookup, Window,
 };
-use antumbra_tests::gpu;
+use antumbra_tests::{Random, gpu};
 use glam::{DMat4, DVec2, DVec3, DVec4};
-
-/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
-}
 
 /// Runs a shader with the entry point `main` over `count` threads: storage buffers in group 0, the light or what else there is
 /// at a binding of group 2; gives back the last buffer of group 0.
@@ -103,8 +90,8 @@ fn masks_of_a_million_rectangles_are_bit_for_bit_those_of_the_twin() {
         let words = Mask::new(samples).words.len();
         // Anywhere, on samples and tile borders, empty and turned inside out.
         let mut corner = || {
-            let t = random.next();
-            let value = match (random.next() * 3.0) as u32 {
+            let t = random.unit();
+            let value = match (random.unit() * 3.0) as u32 {
                 0 => (t * 128.0).floor() / 128.0,
                 1 => t * 3.0 - 1.0,
                 _ => t,
@@ -134,7 +121,7 @@ fn masks_of_any_pattern_are_bit_for_bit_those_of_its_samples_one_by_one() {
     // Whatever is given: few points, on a line, on a grid, twice the same, not a multiple of a word.
     let few = vec![[0.25, 0.5], [0.75, 0.5], [0.75, 0.5], [0.0, 0.999]];
     let grid = (0..256).map(|i| [0.0625 * (i % 16) as f32, 0.0625 * (i / 16) as f32]).collect();
-    let loose = (0..300).map(|_| [0; 2].map(|_| random.next() as f32 * 0.999)).collect();
+    let loose = (0..300).map(|_| [0; 2].map(|_| random.unit() as f32 * 0.999)).collect();
     let patterns = [
         (Pattern::Jittered, Samples::S1024),
         (Pattern::Hammersley, Samples::S256),
@@ -154,8 +141,8 @@ fn masks_of_any_pattern_are_bit_for_bit_those_of_its_samples_one_by_one() {
         let words = 4 * points.len().div_ceil(128).next_power_of_two();
         // Anywhere, on samples, beyond the light, empty and turned inside out.
         let mut corner = |axis: usize| {
-            let t = random.next() as f32;
-            match (random.next() * 3.0) as u32 {
+            let t = random.unit() as f32;
+            match (random.unit() * 3.0) as u32 {
                 0 => points[(t * points.len() as f32) as usize % points.len()][axis],
                 1 => t * 3.0 - 1.0,
                 _ => t,
@@ -304,8 +291,8 @@ fn estimators_agree_with_their_twins_under_every_light() {
         let view = View::new(&clip(&light), f64::from(SIZE), &light);
         let receivers: Vec<[f32; 4]> = (0..COUNT)
             .map(|_| {
-                let [x, y] = [0; 2].map(|_| (random.next() * 60.0 - 6.0) as f32);
-                [x, y, (0.02 + 0.4 * random.next()) as f32, 0.0]
+                let [x, y] = [0; 2].map(|_| (random.unit() * 60.0 - 6.0) as f32);
+                [x, y, (0.02 + 0.4 * random.unit()) as f32, 0.0]
             })
             .collect();
         let twins: Vec<Receiver> = receivers

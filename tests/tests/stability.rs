@@ -6,7 +6,7 @@ use antumbra_gpu::{
     Counters, Expectation, Frame, Gpu, GpuError, Recorder, Technique, TechniqueConfig as _,
 };
 use antumbra_map::{Bias, DiscShadows, MapConfig, MapTechnique, Plain, SecondDepth, SecondSurface};
-use antumbra_measure::stability::{CASES, Case};
+use antumbra_measure::stability::{CASES, Case, Kind};
 use antumbra_scene::Light;
 use antumbra_tests::gpu;
 use glam::DVec3;
@@ -40,14 +40,14 @@ fn measure(gpu: &Gpu, case: &Case, config: &Config, size: u32) -> f64 {
     measured.unwrap_or_else(|e| panic!("{}, {config:?}: {e}", case.name))
 }
 
-/// Checks the techniques that `which` keeps on every case whose name `keep` keeps.
-fn check(size: u32, keep: fn(&str) -> bool, which: fn(&Config) -> bool) {
+/// Checks the techniques that `which` keeps on every case of a kind that `keep` keeps.
+fn check(size: u32, keep: fn(Kind) -> bool, which: fn(&Config) -> bool) {
     let gpu = gpu();
     let mut surprises = Vec::new();
     for config in techniques(size).into_iter().filter(which) {
         // One for all cases: none may leave anything behind for the next.
         let mut technique = config.build(&gpu).expect("a valid config");
-        for case in CASES.iter().filter(|case| keep(case.name)) {
+        for case in CASES.iter().filter(|case| keep(case.kind)) {
             let Some(expected) = config.expectation(case.name) else { continue };
             let measured = case.measure(&gpu, technique.as_mut(), size);
             let met = match (&measured, expected) {
@@ -80,25 +80,20 @@ const LEVEL_ONLY: [&str; 5] = [
     "filter/convolution",
 ];
 
-/// Of lights with an extent: soft shadows alone are judged.
-const AREA: &str = "area light";
-
-/// Of casters that let light through: `volume/translucent` alone looks for them.
-const TRANSLUCENT: &str = "HC-36";
-
 #[test]
 fn something_is_said_of_these_techniques_on_every_case() {
     let silent = |config: &Config| -> Vec<&str> {
-        let judged = |name: &str| {
-            let soft = !name.starts_with(AREA) || config.id().starts_with("soft/");
-            soft && !name.starts_with(TRANSLUCENT)
+        let judged = |kind: Kind| match kind {
+            Kind::HardShadow | Kind::SelfShadowing => true,
+            Kind::Placement => !WITHOUT_MAP.contains(&config.id()),
+            Kind::AreaLight => config.id().starts_with("soft/"),
+            // `volume/translucent` alone looks for casters that let light through.
+            Kind::Translucency => false,
         };
         let unsaid = CASES
             .iter()
-            .filter(|case| judged(case.name) && config.expectation(case.name).is_none());
-        let named = unsaid.map(|case| case.name);
-        let placed = |name: &str| WITHOUT_MAP.contains(&config.id()) && is_placed(name);
-        named.filter(|name| !placed(name)).collect()
+            .filter(|case| judged(case.kind) && config.expectation(case.name).is_none());
+        unsaid.map(|case| case.name).collect()
     };
     let all: Vec<String> = techniques(1024)
         .iter()
@@ -118,7 +113,7 @@ fn compares(config: &Config) -> bool {
 
 /// Checks on small maps what `which` keeps: in parts, so that no core waits for the last of all.
 fn check_small(which: fn(&Config) -> bool) {
-    check(128, |case| !is_placed(case), which);
+    check(128, |kind| kind != Kind::Placement, which);
 }
 
 #[test]
@@ -154,12 +149,7 @@ fn all_else_is_as_expected_on_small_maps() {
 fn samples_are_placed_as_expected_on_small_maps() {
     let places =
         |config: &Config| config.id() == "map/plain" || config.id().starts_with("sampling/");
-    check(128, is_placed, places);
-}
-
-/// Whether it is a case of where a map's samples go.
-fn is_placed(case: &str) -> bool {
-    case.starts_with('K')
+    check(128, |kind| kind == Kind::Placement, places);
 }
 
 /// On maps of the usual size: what reads depth alone. `cargo xtask bench --suite stability` runs all.
@@ -167,7 +157,7 @@ fn is_placed(case: &str) -> bool {
 fn depth_maps_are_as_expected_on_middling_maps() {
     check(
         1024,
-        |case| !is_placed(case),
+        |kind| kind != Kind::Placement,
         |config| config.id() == "map/plain" || config.id().starts_with("filter/pcf"),
     );
 }
@@ -191,8 +181,7 @@ fn no_receiver_shadows_itself_on_large_maps() {
         ];
         !stores.contains(&config.id())
     };
-    let acne = |name: &str| name.starts_with("lone receivers") || name.starts_with("HC-03");
-    check(2048, acne, unfiltered);
+    check(2048, |kind| kind == Kind::SelfShadowing, unfiltered);
 }
 
 fn case(name: &str) -> &'static Case {

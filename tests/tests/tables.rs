@@ -6,27 +6,10 @@ use antumbra_gpu::{
     wgpu,
 };
 use antumbra_shaders::{link_source, source};
-use antumbra_tests::{gpu, image};
+use antumbra_tests::{Random, gpu, image};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
-
-/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [0, 1).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
-
-    fn below(&mut self, count: u32) -> usize {
-        (self.next() * f64::from(count)) as usize
-    }
-}
 
 fn sat(gpu: &Gpu, channels: u32, numbers: SatNumbers, size: u32, values: &[f32]) -> wgpu::Texture {
     let shader = SatShader { texel: "gpu::stored_texel", slots: Vec::new(), channels, numbers };
@@ -52,8 +35,8 @@ fn window(table: &[u32], size: usize, [x0, y0, x1, y1]: [usize; 4]) -> u32 {
 
 /// Two ends of a span of up to `most` of `size`.
 fn span(random: &mut Random, size: u32, most: u32) -> (usize, usize) {
-    let length = random.below(most.min(size)) as u32;
-    let first = random.below(size - length);
+    let length = random.below(most.min(size) as usize) as u32;
+    let first = random.below((size - length) as usize);
     (first, first + length as usize)
 }
 
@@ -67,7 +50,7 @@ fn windows_of_an_integer_table_are_exact_also_after_it_has_wrapped() {
     {
         let numbers = SatNumbers::fixed(most);
         let values: Vec<f32> =
-            (0..size * size).map(|_| if ones { 1.0 } else { random.next() as f32 }).collect();
+            (0..size * size).map(|_| if ones { 1.0 } else { random.unit() as f32 }).collect();
         let table = read_u32_texture(&gpu, &sat(&gpu, 1, numbers, size, &values), 0).expect("read");
         let scale = numbers.scale() as f32;
         let side = size as usize;
@@ -127,7 +110,7 @@ fn sums_of_floats_are_off_by_their_bound_at_most_and_constant_planes_show_it() {
         // Depths about the middle, and their squares.
         let values: Vec<f32> = (0..size * size)
             .flat_map(|_| {
-                let x = 0.1 + 0.2 * random.next() as f32;
+                let x = 0.1 + 0.2 * random.unit() as f32;
                 [x, x * x]
             })
             .collect();

@@ -13,8 +13,8 @@ use antumbra_map::{
 };
 use antumbra_measure::Stage;
 use antumbra_scene::{Light, LightKind, generate};
-use antumbra_tests::gpu;
-use glam::{DMat4, DVec2, DVec3, DVec4, Vec3, Vec4};
+use antumbra_tests::{Random, gpu};
+use glam::{DMat2, DMat4, DVec2, DVec3, DVec4, Vec3, Vec4};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / 16_777_216.0;
@@ -45,32 +45,19 @@ fn bounds(clip: &DMat4, size: f64, p: DVec3, at: &twin::Lookup) -> Bounds {
     Bounds { texel, rounding }
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014), as numbers in [-1, 1).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(52) - 1.0
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-}
-
-/// What the shader says of a receiver: texel, depth, gradient.
+/// What the shader says of a receiver: texel, depth, the bias cone's rise at [`STEP`] texels, gradient.
 struct Located {
     texel: DVec2,
     depth: f64,
+    rise: f64,
     gradient: DVec2,
 }
 
+/// Texels.
+const STEP: DVec2 = DVec2::new(2.0, -3.0);
+
 const LOCATE: &str = "
-import package::common::lookup::{ShadowView, locate};
+import package::common::lookup::{ShadowView, locate, rise};
 
 @group(0) @binding(0) var<storage, read> view: ShadowView;
 // Position and size of the map, then normal.
@@ -83,8 +70,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if i < arrayLength(&receivers) {
         let p = receivers[i];
         let at = locate(view, vec2f(p.w), p.xyz, receivers[i + 1u].xyz, 0.0);
-        found[i] = vec4f(at.texel, at.depth, 0.0);
-        found[i + 1u] = vec4f(at.gradient, at.cone);
+        found[i] = vec4f(at.texel, at.depth, rise(at, vec2f(2.0, -3.0)));
+        found[i + 1u] = vec4f(at.gradient, 0.0, 0.0);
     }
 }";
 
@@ -135,8 +122,8 @@ impl Locator {
         let bytes = read_buffer(gpu, &found, zeros.len() as u64).expect("read back");
         let values: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(&bytes);
         let located = |v: &[f32; 8]| {
-            let [s, t, depth, _, gs, gt, _, _] = v.map(f64::from);
-            Located { texel: DVec2::new(s, t), depth, gradient: DVec2::new(gs, gt) }
+            let [s, t, depth, rise, gs, gt, _, _] = v.map(f64::from);
+            Located { texel: DVec2::new(s, t), depth, rise, gradient: DVec2::new(gs, gt) }
         };
         values.iter().map(located).collect()
     }
@@ -249,6 +236,50 @@ fn locate_agrees_with_its_twin_within_the_derived_slack() {
 }
 
 #[test]
+fn the_bias_cone_is_as_steep_in_all_directions_and_all_over_a_view() {
+    const PER_VIEW: usize = 500;
+    let gpu = gpu();
+    let locator = Locator::new(&gpu);
+    let (convention, estimator) = (DepthConvention::REVERSED_F32, Estimator::nearest());
+    let mut random = Random(3);
+    let (mut judged, mut worst, mut upright) = (0, 0f64, 0f64);
+    for (fitted, size) in views() {
+        let clip = fitted.clip.expect("a view with casters").as_mat4().as_dmat4();
+        let world = clip.inverse();
+        let receivers: Vec<(Vec3, Vec3)> = (0..PER_VIEW)
+            .map(|_| {
+                let ndc = random.vector() * DVec3::new(1.0, 1.0, 0.4) + DVec3::new(0.0, 0.0, 0.6);
+                let p = world.project_point3(ndc);
+                let to_light = (fitted.light.truncate() - fitted.light.w * p).normalize();
+                (p.as_vec3(), (to_light + 0.5 * random.vector().normalize()).normalize().as_vec3())
+            })
+            .collect();
+        let bias = Bias::default();
+        let view = ShadowView::new(&clip, fitted.light, 0, convention, &bias, &estimator);
+        let found = locator.locate(&gpu, &view, size, &receivers);
+        for ((p, n), found) in receivers.iter().zip(&found) {
+            let (p, n) = (p.as_dvec3(), n.as_dvec3());
+            // So near to the light the ray's direction is known to a ten-thousandth only.
+            let light = fitted.light.truncate();
+            let sums = p.abs().element_sum() + light.abs().element_sum();
+            if 8.0 * U * fitted.light.w * sums > 1e-4 * (light - p).length() {
+                continue;
+            }
+            let cone = exact(&fitted, f64::from(size), p, n, &estimator).cone;
+            let rise = cone.rise(STEP);
+            judged += 1;
+            worst = worst.max((found.rise - rise).abs() / rise);
+            // The control: texels taken for rectangles.
+            let sides = DVec2::new(cone.texels[0].length(), cone.texels[1].length());
+            upright = upright.max((cone.slope * (STEP / sides).length() - rise).abs() / rise);
+        }
+    }
+    assert!(judged > 5000, "{judged} receivers");
+    assert!(worst < 1e-3, "the rise is off by {worst} of itself");
+    assert!(upright > 0.1, "no view has texels that lean: {upright}");
+}
+
+#[test]
 fn a_normal_offset_moves_the_receiver_as_its_twin_says() {
     const PER_VIEW: usize = 500;
     const OFFSET: f32 = 3.0;
@@ -293,7 +324,26 @@ struct Exact {
     at: twin::Lookup,
     bounds: Bounds,
     slack: f64,
-    cone: DVec2,
+    cone: Cone,
+}
+
+/// The bias cone at a receiver.
+struct Cone {
+    /// Depth a metre across the ray.
+    slope: f64,
+    /// Gradients of the texel coordinates, across the ray.
+    texels: [DVec3; 2],
+}
+
+impl Cone {
+    /// Its rise `offset` texels from the receiver: that of the step across the ray which moves a point by so many.
+    fn rise(&self, offset: DVec2) -> f64 {
+        let [a, b] = self.texels;
+        // The step is s a + t b.
+        let gram = DMat2::from_cols_array(&[a.dot(a), a.dot(b), a.dot(b), b.dot(b)]);
+        let by = gram.inverse() * offset;
+        self.slope * (by.x * a + by.y * b).length()
+    }
 }
 
 /// Position and direction to the light of a receiver; the estimator under the default bias.
@@ -309,11 +359,12 @@ fn exact(view: &FittedView, size: f64, p: DVec3, n: DVec3, estimator: &Estimator
     };
     let light = view.light.as_vec4().as_dvec4();
     let to_light = (light.truncate() - light.w * p).normalize();
-    let across = |i: usize| {
-        (clip.row(i).truncate() - ndc[i] * clip.row(3).truncate()).length() / c.w * 0.5 * size
-    };
+    let across =
+        |i: usize| (clip.row(i).truncate() - ndc[i] * clip.row(3).truncate()) / c.w * 0.5 * size;
+    let texels = [across(0), -across(1)];
     let bias = Bias::default();
-    let cone = f64::from(bias.cone) * along(to_light).z.abs() / DVec2::new(across(0), across(1));
+    let slope = f64::from(bias.cone) * along(to_light).z.abs();
+    let cone = slope / DVec2::new(texels[0].length(), texels[1].length());
     let g = at.gradient.abs();
     let reach = f64::from(estimator.reach);
     let slack = bounds.rounding
@@ -321,7 +372,7 @@ fn exact(view: &FittedView, size: f64, p: DVec3, n: DVec3, estimator: &Estimator
         + 0.5 * reach * (cone.x + cone.y);
     let cosine = n.dot(to_light).max(1e-4);
     let tangent = ((1.0 - cosine * cosine).max(0.0).sqrt() / cosine).max(1.0);
-    let cone = cone * (0.5 * (tangent + 1.0 / tangent));
+    let cone = Cone { slope: slope * 0.5 * (tangent + 1.0 / tangent), texels };
     Exact { at, bounds, slack, cone }
 }
 
@@ -329,7 +380,7 @@ impl Exact {
     /// The depth compared with the texel around `center`; reversed depth, not clamped.
     fn reference(&self, center: DVec2) -> f64 {
         let offset = center - self.at.texel;
-        self.at.depth + self.slack + self.at.gradient.dot(offset) + (offset * self.cone).length()
+        self.at.depth + self.slack + self.at.gradient.dot(offset) + self.cone.rise(offset)
     }
 }
 

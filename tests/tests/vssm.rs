@@ -12,7 +12,7 @@ use antumbra_soft::twin::View;
 use antumbra_soft::twin::techniques::{Map, Receiver};
 use antumbra_soft::twin::vssm::Table;
 use antumbra_soft::{Hierarchy, Pcss, Vssm};
-use antumbra_tests::gpu;
+use antumbra_tests::{Random, gpu};
 use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
@@ -334,20 +334,12 @@ fn the_shader_is_its_twin_under_every_light() {
         };
         let scale = config.numbers().scale();
         let table = Table::new(Map { size: SIZE, depth: &formula }, linear, scale);
-        let mut state = 9u64;
-        let mut random = || {
-            // SplitMix64 (Steele, Lea, Flood 2014).
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = state;
-            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-        };
+        let mut random = Random(9);
         let receivers: Vec<[f32; 4]> = (0..COUNT)
             .map(|_| {
-                let [x, y] = [0; 2].map(|_| (random() * 60.0 - 6.0) as f32);
-                let depth = (0.08 + 0.34 * random()) as f32;
-                [x, y, depth, (0.002 * random()) as f32]
+                let [x, y] = [0; 2].map(|_| (random.unit() * 60.0 - 6.0) as f32);
+                let depth = (0.08 + 0.34 * random.unit()) as f32;
+                [x, y, depth, (0.002 * random.unit()) as f32]
             })
             .collect();
         let rounding = 0.5 / scale + 25.0 * 0.5f64.powi(24);
