@@ -1,5 +1,7 @@
 //! The maps that keep a surface from shadowing itself: what is in their texels, and what follows of it.
 
+use crate::shared::on_plane::view_of;
+
 use antumbra::Config;
 use antumbra_gpu::{Casters, Drawn, Frame, Gpu, LightView, Recorder, read_f32_texture};
 use antumbra_map::{
@@ -171,6 +173,64 @@ fn a_limit_moves_dual_layers_from_the_unbiased_map_to_the_midpoint() {
             assert!(lighter > 0 || limit > 1.0, "{light:?}: a limit of {limit} changes nothing");
             before = after;
         }
+    }
+}
+
+/// Of the samples of the four convex bodies that face the light: the share that is not fully lit, and the share whose own plane
+/// hides them at a texel's centre beyond `limit`, the mean over all places of the sample in its texel; and how many face it.
+fn dark_and_due(gpu: &Gpu, kind: LightKind, config: &Config, limit: f64) -> [f64; 3] {
+    const STEPS: i32 = 16;
+    let (mut facing, mut dark, mut due) = (0.0, 0.0, 0.0);
+    for (_, build, _) in generate::CONVEX {
+        let scene = build();
+        let camera = scene.camera_or_framing();
+        let mut stage = Stage::new(gpu, &scene, camera, 128, 128).expect("a stage");
+        stage.meshes.set_culling(false);
+        let light = scene.place_light(kind);
+        let found = visibility(gpu, &stage, &light, config);
+        let frame = stage.frame(&light);
+        let mut map = ShadowMap::new(gpu, SIZE, 2, Box::new(Omni::Cube)).expect("a valid size");
+        map.prepare(gpu, &frame).expect("prepared");
+        let mut hull = Vec::new();
+        frame.casters.hull(&light, &mut |p| hull.push(p - frame.origin));
+        for (sample, v) in stage.view_samples().iter().zip(&found) {
+            let (p, n) = (sample.position.as_dvec3(), sample.normal.as_dvec3());
+            let to_light = light.towards(p + frame.origin, DVec2::splat(0.5)).normalize();
+            if n.dot(to_light) <= 1e-4 {
+                continue;
+            }
+            let clip = view_of(map.views(), p).and_then(|v| v.clip).expect("casters in view");
+            let metric = Metric::new(&clip, f64::from(SIZE), &hull, limit);
+            let at = twin::locate(&clip, f64::from(SIZE), p, n);
+            let step = |i: i32| (f64::from(i % STEPS) + 0.5) / f64::from(STEPS) - 0.5;
+            let hides = |i: &i32| {
+                let first = at.depth + at.gradient.dot(DVec2::new(step(*i), step(*i / STEPS)));
+                // Reversed depth: nearer is more.
+                twin::occluder(&metric, first, 0.0) > at.depth
+            };
+            let count = (0..STEPS * STEPS).filter(hides).count();
+            due += count as f64 / f64::from(STEPS * STEPS);
+            dark += f64::from(u8::from(*v < 1.0));
+            facing += 1.0;
+        }
+    }
+    [dark / facing, due / facing, facing]
+}
+
+#[test]
+fn on_lone_bodies_dual_layers_darken_what_is_steeper_than_the_limit() {
+    let gpu = gpu();
+    for kind in [LightKind::Directional, LightKind::Spot, LightKind::Point] {
+        let dual = DualLayers::default();
+        let config = Config::DualLayers(dual);
+        let [dark, due, facing] = dark_and_due(&gpu, kind, &config, dual.limit.into());
+        // Where front and back converge the midpoint is nearer than the limit, and darkens what it darkens alone.
+        let [limb, ..] = dark_and_due(&gpu, kind, &Config::Midpoint(Midpoint::default()), 1.0);
+        let chance = 4.0 * (due * (1.0 - due) / facing).sqrt();
+        let expected = due - chance..due + limb + chance;
+        assert!(expected.contains(&dark), "{kind:?}: {dark} are dark, not {expected:?}");
+        // The control: without the limit nearly nothing is dark, and that is told apart.
+        assert!(!expected.contains(&limb), "{kind:?}: {limb} passes as {expected:?}");
     }
 }
 

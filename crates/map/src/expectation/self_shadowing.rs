@@ -148,7 +148,8 @@ fn virtual_occluder(map_size: u32, limit: f64, case: &str) -> Option<Expectation
             let limb = (2.0 * 0.75 * texel * 2.0 / size).sqrt();
             if share > 0.0 {
                 KnownLimit {
-                    // Flat bodies may have no steep side, and the sphere may show its shallow one.
+                    // Flat bodies may have no steep side, and the sphere may show its shallow one. A test holds the share
+                    // to that which the samples' own planes have, and to chance.
                     at_least: share / 16.0,
                     // Offsets along two axes add up.
                     at_most: 2.0 * share + limb,
