@@ -620,17 +620,19 @@ fn vssm(full: bool) -> (&'static str, Vec<Slot>) {
     (if full { "vssm" } else { "vssm-no-pyramid" }, slots)
 }
 
-/// Occlusion textures, which look up by themselves: by a table, an N-buffer and a mipmap.
+/// Occlusion textures, which look up by themselves: by a table, counted too, an N-buffer and a mipmap.
 fn occlusion_textures() -> Vec<(&'static str, Vec<Slot>)> {
-    let constants = "const SLICES: i32 = 8;\nconst STRIPS: i32 = 8;\nconst FUSION: i32 = 0;\n";
-    let all = |store, prefilter| {
+    let constants = "const SLICES: i32 = 8;\nconst STRIPS: i32 = 8;\nconst FUSION: i32 = 0;\nconst SKIP: bool = true;\n";
+    let counted = |store, prefilter, tally| {
         vec![
             module("map::through", "soft::occlusion"),
             source("config", constants),
             module("store", store),
             module("prefilter", prefilter),
+            module("soft::tally", tally),
         ]
     };
+    let all = |store, prefilter| counted(store, prefilter, "soft::no_window_tally");
     let levels = |square| {
         let mut slots = all("soft::slice_levels", "soft::covered_levels");
         slots.push(module("level_mean", square));
@@ -638,6 +640,7 @@ fn occlusion_textures() -> Vec<(&'static str, Vec<Slot>)> {
     };
     vec![
         ("table", all("soft::slice_table", "soft::covered_table")),
+        ("tally", counted("soft::slice_table", "soft::covered_table", "soft::window_tally")),
         ("n-buffer", levels("soft::square_nbuffer")),
         ("mip", levels("soft::square_mip")),
     ]

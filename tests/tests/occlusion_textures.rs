@@ -4,11 +4,11 @@ use crate::shared::area;
 
 use antumbra::Config;
 use antumbra_filter::PcfGrid;
-use antumbra_gpu::Gpu;
+use antumbra_gpu::{Gpu, TechniqueConfig as _, ViewCamera};
 use antumbra_map::Plain;
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
-use antumbra_scene::{Light, LightKind, Scene, generate};
+use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
 use antumbra_soft::twin::occlusion::{Slices, planes};
 use antumbra_soft::{Fusion, OcclusionTextures, Placement, Prefilter};
 use antumbra_tests::gpu;
@@ -308,4 +308,76 @@ fn slices_before_what_is_seen_keep_the_shadows_of_a_deep_scene() {
     let (seen, uniform) = (error(Placement::Seen), error(Placement::Uniform));
     assert!(uniform > 0.3, "equal slices are off by {uniform} only");
     assert!(seen < 0.25 * uniform, "off by {seen}, equal slices by {uniform}");
+}
+
+#[test]
+fn empty_windows_and_hidden_lights_are_skipped_and_no_answer_changes() {
+    let gpu = gpu();
+    let stage = seen(&gpu, &bodies(), 64);
+    let all = lights(0.3);
+    let found = [true, false].map(|skip| {
+        let config = OcclusionTextures { skip, tally: true, ..textures(128) };
+        shots(&gpu, &Config::OcclusionTextures(config), all.iter().map(|light| (&stage, light)))
+    });
+    for ((skipping, looking), light) in found[0].iter().zip(&found[1]).zip(&all) {
+        assert_eq!(skipping.0, looking.0, "under {light:?}");
+        assert!(looking.0.iter().any(|v| *v < 0.5), "something is dark under {light:?}");
+        let [skipped, looked_up] =
+            ["windows_skipped", "windows_looked_up"].map(|name| skipping.1[name]);
+        assert_eq!(looking.1["windows_skipped"], 0, "under {light:?}");
+        assert_eq!(skipped + looked_up, looking.1["windows_looked_up"], "under {light:?}");
+        // Of a window that is looked up the 4 fetches are in vain; of one that is not they spare 12 or more.
+        assert!(12 * skipped > 4 * looked_up, "{skipped} of {looked_up} under {light:?}");
+    }
+}
+
+/// Root of the mean square error over the counted samples, and of the mean square of what changes in them from one frame to the
+/// next, while the camera goes along the street by `metres` a frame and samples and light stay what they are.
+fn creeping(gpu: &Gpu, config: OcclusionTextures, metres: f64) -> (f64, f64) {
+    let scene = generate::street();
+    let mut stage = seen(gpu, &scene, 64);
+    let light = scene.light_or_placed(LightKind::Rect);
+    let truth = stage.truth(&light, &TruthOptions { light_samples: 64, ..Default::default() });
+    let start = scene.camera_or_framing();
+    let along = (start.target - start.eye).normalize();
+    let mut technique = config.build(gpu).expect("a valid config");
+    let mut before: Option<Vec<f32>> = None;
+    let (mut errors, mut changes, mut count) = (0.0, 0.0, 0);
+    for frame in 0..FRAMES {
+        let step = along * metres * f64::from(frame);
+        let camera = Camera { eye: start.eye + step, target: start.target + step, ..start };
+        let clip = camera.view_projection(scene.origin(), 1.0);
+        stage.set_camera(Some(ViewCamera { clip, eye: camera.eye - scene.origin() }));
+        let found = stage.shoot(gpu, &light, technique.as_mut(), 0).expect("a shot").visibility;
+        let counted = (0..found.len()).filter(|i| truth.class[*i] == SampleClass::Counted);
+        for i in counted {
+            errors += f64::from(found[i] - truth.visibility[i]).powi(2);
+            changes +=
+                before.as_ref().map_or(0.0, |before| f64::from(found[i] - before[i]).powi(2));
+            count += 1;
+        }
+        before = Some(found);
+    }
+    let count = f64::from(count);
+    let frames = f64::from(FRAMES);
+    ((errors / count).sqrt(), (changes / count * frames / (frames - 1.0)).sqrt())
+}
+
+const FRAMES: u32 = 16;
+
+#[test]
+fn what_slices_err_changes_less_from_frame_to_frame_than_it_is() {
+    let gpu = gpu();
+    for placement in [Placement::Seen, Placement::Error, Placement::Uniform] {
+        let config = OcclusionTextures { placement, ..textures(256) };
+        let (error, fast) = creeping(&gpu, config, 0.5);
+        // Errors that have nothing to do with each other change by the root of two of themselves from frame to frame; by
+        // less than themselves, more than half of them (squared) stay.
+        assert!(fast < error, "{placement:?}: off by {error}, changes by {fast}");
+        let (_, slow) = creeping(&gpu, config, 0.5 / 16.0);
+        // What jumps does so as often as it comes across something: a sixteenth as often. What moves along moves a sixteenth.
+        assert!(slow < 0.25 * fast, "{placement:?}: {fast} at half a metre a frame, {slow}");
+    }
+    let config = textures(256);
+    assert_eq!(creeping(&gpu, config, 0.0).1, 0.0, "nothing moves");
 }

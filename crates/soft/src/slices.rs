@@ -3,7 +3,7 @@
 use antumbra_gpu::{
     Anchor, Beyond, BindGroupCache, BlurShader, Counters, Frame, Gpu, GpuError, LayerJob, Layers,
     LightView, Pyramid, PyramidKind, Recorder, Sat, SatNumbers, SatShader, ViewCamera, bind,
-    entries, light_view_layout,
+    entries, light_view_layout, read_buffer,
 };
 use antumbra_map::{BodyBoxes, DepthConvention, Fitting, ShadowMap, Sight, Store};
 use antumbra_scene::Bounds;
@@ -38,6 +38,7 @@ struct Slice {
 pub(crate) struct SliceStore {
     config: OcclusionTextures,
     layout: wgpu::BindGroupLayout,
+    tally: Option<wgpu::Buffer>,
     light: wgpu::Buffer,
     slices: wgpu::Buffer,
     matrices: wgpu::Buffer,
@@ -60,6 +61,9 @@ enum Averages {
     Table(Box<Sat>),
     Levels(Box<Pyramid>),
 }
+
+/// What there are too many of: N-buffers have log2(side) + 1 images a slice, a table one.
+const INSTEAD_OF_A_TABLE: &str = "images of slices averaged in place of prefilter `table`";
 
 impl Averages {
     fn new(gpu: &Gpu, prefilter: Prefilter) -> Result<Self, GpuError> {
@@ -92,7 +96,16 @@ impl Averages {
         match self {
             Self::Table(sat) => sat.prepare(gpu, &images.whole, images.texture.width(), jobs),
             Self::Levels(levels) => {
-                levels.prepare(gpu, &images.whole, images.texture.width(), jobs)
+                let made = levels.prepare(gpu, &images.whole, images.texture.width(), jobs);
+                made.map_err(|error| match error {
+                    GpuError::OutOfMemory { bytes, .. } => {
+                        GpuError::OutOfMemory { what: INSTEAD_OF_A_TABLE, bytes }
+                    }
+                    GpuError::Limit { asked, limit, .. } => {
+                        GpuError::Limit { what: INSTEAD_OF_A_TABLE, asked, limit }
+                    }
+                    other => other,
+                })
             }
         }
     }
@@ -128,15 +141,17 @@ impl Averages {
 
 impl SliceStore {
     pub(crate) fn new(gpu: &Gpu, config: &OcclusionTextures) -> Result<Self, GpuError> {
+        let mut all =
+            vec![entries::storage(0, CS), entries::storage(1, CS), entries::texels(2, CS, true)];
+        if config.tally {
+            all.push(entries::write_storage(3, CS));
+        }
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("slices"),
-            entries: &[
-                entries::storage(0, CS),
-                entries::storage(1, CS),
-                entries::texels(2, CS, true),
-            ],
+            entries: &all,
         });
         let storage = wgpu::BufferUsages::STORAGE;
+        let tally = || gpu.buffer("tally", &[0; 16], storage | wgpu::BufferUsages::COPY_SRC);
         let alignment = gpu.device.limits().min_uniform_buffer_offset_alignment;
         let stride = alignment.max(size_of::<Mat4>() as u32);
         let matrices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -160,6 +175,7 @@ impl SliceStore {
         Ok(Self {
             config: *config,
             layout,
+            tally: config.tally.then(tally),
             light: gpu.buffer("area light", &[0; size_of::<AreaLight>()], storage),
             slices: gpu.buffer("slices", &[0; VIEWS * size_of::<ViewSlices>()], storage),
             matrices,
@@ -195,7 +211,9 @@ impl SliceStore {
             grid: 1,
         };
         let looked_at = match (self.config.placement, frame.camera) {
-            (Placement::Seen, Some(camera)) => looked_at(&camera, &receivers, frame.origin),
+            (Placement::Seen | Placement::Error, Some(camera)) => {
+                looked_at(&camera, &receivers, frame.origin)
+            }
             _ => Vec::new(),
         };
         let mut all = Vec::new();
@@ -351,6 +369,9 @@ impl Store for SliceStore {
         self.is_hard = frame.light.is_hard();
         self.jobs.clear();
         self.drawn.clear();
+        if let Some(tally) = &self.tally {
+            gpu.queue.write_buffer(tally, 0, &[0; 16]);
+        }
         let light = AreaLight::new(frame.light, map);
         gpu.queue.write_buffer(&self.light, 0, bytemuck::bytes_of(&light));
         if !self.is_hard && map.view().is_some() {
@@ -380,14 +401,16 @@ impl Store for SliceStore {
         }
         let depths = map.view().filter(|_| self.is_hard).unwrap_or(&self.nothing).clone();
         self.group.get(depths, |depths| {
+            let mut all = vec![
+                bind::buffer(0, &self.light),
+                bind::buffer(1, &self.slices),
+                bind::texture(2, depths),
+            ];
+            all.extend(self.tally.as_ref().map(|tally| bind::buffer(3, tally)));
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("slices"),
                 layout: &self.layout,
-                entries: &[
-                    bind::buffer(0, &self.light),
-                    bind::buffer(1, &self.slices),
-                    bind::texture(2, depths),
-                ],
+                entries: &all,
             })
         });
         Ok(())
@@ -465,10 +488,21 @@ impl Store for SliceStore {
         self.counters.clone()
     }
 
+    fn read_counters(&self, gpu: &Gpu) -> Result<Counters, GpuError> {
+        let mut counters = self.counters();
+        if let Some(tally) = &self.tally {
+            let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, tally, 16)?);
+            let names = ["windows_skipped", "windows_looked_up"];
+            counters.extend(names.into_iter().zip(counts.into_iter().map(u64::from)));
+        }
+        Ok(counters)
+    }
+
     fn bytes(&self) -> u64 {
         self.images.as_ref().map_or(0, Layers::bytes)
             + self.averages.bytes()
             + self.light.size()
+            + self.tally.as_ref().map_or(0, wgpu::Buffer::size)
             + self.slices.size()
             + self.matrices.size()
     }

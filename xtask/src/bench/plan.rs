@@ -162,6 +162,7 @@ fn entries() -> Vec<Entry> {
         ..Default::default()
     });
     let slices = Config::OcclusionTextures;
+    let uniform = OcclusionTextures { placement: Placement::Uniform, ..Default::default() };
     let error_driven = OcclusionTextures { placement: Placement::Error, ..Default::default() };
     let prefiltered =
         |prefilter| slices(OcclusionTextures { prefilter, ..OcclusionTextures::default() });
@@ -203,7 +204,9 @@ fn entries() -> Vec<Entry> {
             variant("microquad-two-layers", two_layers_of_quads),
             variant("16", slices(OcclusionTextures { slices: 16, ..Default::default() })),
             variant("24", slices(OcclusionTextures { slices: 24, ..Default::default() })),
+            variant("uniform", slices(uniform)),
             variant("error", slices(error_driven)),
+            variant("tally", slices(OcclusionTextures { tally: true, ..Default::default() })),
             variant("sum", slices(OcclusionTextures { fusion: Fusion::Sum, ..Default::default() })),
             variant("max", slices(OcclusionTextures { fusion: Fusion::Max, ..Default::default() })),
             variant("n-buffer", prefiltered(Prefilter::NBuffer)),

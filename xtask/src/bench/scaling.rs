@@ -1,9 +1,11 @@
 //! The scaling suite: error and time against the size of the map, against the radius of a filter, of soft shadows against
 //! lights, views and windows, and of shadow volumes against what they are made of.
 
+use std::slice;
+
 use antumbra::Config;
-use antumbra_gpu::Gpu;
-use antumbra_measure::{Shot, Stage};
+use antumbra_gpu::{Gpu, GpuError};
+use antumbra_measure::{MeasureError, Shot, Stage};
 use antumbra_reference::{Comparison, Truth, TruthOptions};
 use antumbra_scene::Light;
 use antumbra_scene::generate::{HalfPlaneOverPlane, half_plane_over_plane, street};
@@ -128,10 +130,16 @@ pub(super) fn measure(
                     let mut configs: Vec<Config> =
                         sweep.entries.iter().map(|e| e.config.clone()).collect();
                     configs.iter_mut().for_each(|config| (sweep.set)(config, *value));
-                    let shots = shoot(gpu, plan, &stage, &light, &configs)
+                    let shots = shoot_what_fits(gpu, plan, &stage, &light, &configs)
                         .with_context(|| format!("{what} {value}"))?;
                     for (curve, shot) in group.iter_mut().zip(&shots) {
-                        curve.points.push(point(*value, shot, &truth, width)?);
+                        match shot {
+                            Some(shot) => curve.points.push(point(*value, shot, &truth, width)?),
+                            None => progress.println(format!(
+                                "{} ends before {} {value}: the device has no memory for it",
+                                curve.technique, curve.parameter
+                            )),
+                        }
                         progress.inc(1);
                     }
                 }
@@ -165,6 +173,34 @@ pub(super) fn shoot(
         }
     }
     Ok(shots)
+}
+
+/// As [`shoot`], with nothing for techniques that the device has no memory for.
+fn shoot_what_fits(
+    gpu: &Gpu,
+    plan: &Plan,
+    stage: &Stage,
+    light: &Light,
+    configs: &[Config],
+) -> anyhow::Result<Vec<Option<Shot>>> {
+    let alone = |config: &Config| match shoot(gpu, plan, stage, light, slice::from_ref(config)) {
+        Ok(mut shots) => Ok(shots.pop()),
+        Err(error) if lacks_memory(&error) => Ok(None),
+        Err(error) => Err(error),
+    };
+    match shoot(gpu, plan, stage, light, configs) {
+        Ok(shots) => Ok(shots.into_iter().map(Some).collect()),
+        Err(error) if lacks_memory(&error) => configs.iter().map(alone).collect(),
+        Err(error) => Err(error),
+    }
+}
+
+fn lacks_memory(error: &anyhow::Error) -> bool {
+    let of_gpu = match error.downcast_ref::<MeasureError>() {
+        Some(MeasureError::Gpu(error)) => Some(error),
+        _ => error.downcast_ref::<GpuError>(),
+    };
+    matches!(of_gpu, Some(GpuError::OutOfMemory { .. }))
 }
 
 pub(super) fn point(
