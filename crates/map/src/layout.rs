@@ -89,6 +89,13 @@ pub trait Arrange: fmt::Debug {
         fitting: &Fitting,
     ) -> Result<Vec<SeenView>, GpuError>;
 
+    /// How far aside of the direction to `light` an estimator looks that these views are for, as the tangent of the angle:
+    /// metres across a metre along parallel light; 0, by default, where it looks at the kernel around a point alone.
+    fn spread(&self, light: &Light) -> f64 {
+        let _ = light;
+        0.0
+    }
+
     /// What fits the views anew on the GPU, for `light`, from what only the GPU knows; nothing by default.
     ///
     /// # Errors

@@ -32,6 +32,10 @@ pub(crate) struct Slices<'a> {
     depths: Vec<f64>,
     /// Least half width of a window, metres.
     least: f64,
+    /// Metres across a metre along the light that an estimator looks aside ([`antumbra_map::Arrange::spread`]).
+    spread: f64,
+    /// The longest way along the light within the box around all that casts or receives, metres.
+    way: f64,
 }
 
 /// Slices reach farther than their ends by this share of their depths, which is more than f32 makes of a depth.
@@ -73,6 +77,7 @@ impl<'a> Slices<'a> {
         eye: Eye,
         sight: &'a Sight<'a>,
         fitting: &'a Fitting,
+        spread: f64,
     ) -> Option<Self> {
         let to_light = frame.light.towards(frame.origin, glam::DVec2::splat(0.5)).normalize();
         let basis = basis(to_light);
@@ -123,6 +128,8 @@ impl<'a> Slices<'a> {
         let (last, _) = along(&receivers, 2);
         Some(Self {
             last,
+            spread,
+            way: ((all.max - all.min) / to_light.abs()).min_element().min(f64::from(f32::MAX)),
             settings,
             frame,
             sight,
@@ -166,7 +173,7 @@ impl<'a> Slices<'a> {
                 let border =
                     1.0 - 2.0 * f64::from(self.fitting.guard) / f64::from(self.fitting.size);
                 let band = (blend * border).max(1e-6);
-                vec![DVec4::new(border, 1.0 / band, 0.0, 0.0)]
+                vec![DVec4::new(border, 1.0 / band, self.spread, self.way)]
             }
             Select::Depth => {
                 let end = |ends: &[f64]| {
@@ -254,7 +261,7 @@ impl<'a> Slices<'a> {
     fn tile(&self, windows: &mut [Option<[Window; 2]>]) {
         let coarser = |window: &Option<[Window; 2]>, grid: [usize; 2]| {
             // Texels go by steps, of which a tile's may be one: rounding does not decide then.
-            let texel = |i: usize| self.part(i, 0, grid[i]).texel * (1.0 - 1e-9);
+            let texel = |i: usize| self.part(i, 0, grid).texel * (1.0 - 1e-9);
             window.is_some_and(|w| w[0].texel >= texel(0) && w[1].texel >= texel(1))
         };
         let Some(mut first) = windows.iter().position(|w| coarser(w, [1, 1])) else { return };
@@ -265,16 +272,19 @@ impl<'a> Slices<'a> {
         let grid = tiles(lengths, windows.len() - first);
         for (k, window) in windows[first..].iter_mut().enumerate() {
             let (column, row) = (k % grid[0], k / grid[0]);
-            let part = || [self.part(0, column, grid[0]), self.part(1, row, grid[1])];
+            let part = || [self.part(0, column, grid), self.part(1, row, grid)];
             *window = (row < grid[1]).then(part);
         }
     }
 
-    /// Along row `i` of the basis, the window around part `k` of `count` equal ones of all that can be shadowed.
-    fn part(&self, i: usize, k: usize, count: usize) -> Window {
+    /// Along row `i` of the basis, the window around part `k` of the `grid[i]` equal ones of all that can be shadowed. Beyond
+    /// one of several parts there is more, at which estimators look from all of it.
+    fn part(&self, i: usize, k: usize, grid: [usize; 2]) -> Window {
         let (from, to) = self.shared[i];
-        let length = (to - from) / count as f64;
-        let texel = length.max(2.0 * self.least) / self.fitting.usable();
+        let length = (to - from) / grid[i] as f64;
+        let (near, far) = self.depth_range();
+        let beyond = if grid == [1, 1] { 0.0 } else { self.spread * self.way.min(near - far) };
+        let texel = (length + 2.0 * beyond).max(2.0 * self.least) / self.fitting.usable();
         let middle = from + (k as f64 + 0.5) * length;
         Window { left: middle - 0.5 * f64::from(self.fitting.size) * texel, texel }
     }
@@ -303,7 +313,7 @@ impl<'a> Slices<'a> {
     /// Along row `i` of the basis, the window of such texels whose guard band ends within one before `lo`, on a grid from
     /// the origin; or that around all that can be shadowed, which no camera changes, where it is no wider.
     fn window(&self, i: usize, lo: f64, texel: f64) -> Window {
-        let all = self.part(i, 0, 1);
+        let all = self.part(i, 0, [1, 1]);
         if texel >= all.texel {
             return all;
         }

@@ -167,8 +167,10 @@ impl Arrange for Cascading {
         let eye = frame.camera.as_ref().and_then(Eye::new);
         // On a map that the kernel fills there is nothing to share out.
         let seen = eye.zip(sight).filter(|_| fitting.usable() >= 1.0);
-        let slices = seen
-            .and_then(|(eye, sight)| Slices::new(&self.settings, frame, hull, eye, sight, fitting));
+        let spread = self.others.spread(frame.light);
+        let slices = seen.and_then(|(eye, sight)| {
+            Slices::new(&self.settings, frame, hull, eye, sight, fitting, spread)
+        });
         let (mut views, ends) = match slices {
             Some(slices) => (slices.views(), slices.ends()),
             None => {

@@ -130,7 +130,7 @@ impl Arrange for Measuring {
             views = vec![views[0].clone(); self.settings.count as usize];
             let border = 1.0 - 2.0 * f64::from(fitting.guard) / f64::from(fitting.size);
             let band = (f64::from(self.settings.blend) * border).max(1e-6);
-            DVec4::new(border, 1.0 / band, 0.0, 0.0)
+            DVec4::new(border, 1.0 / band, self.others.spread(frame.light), f64::from(f32::MAX))
         } else {
             views.resize(self.settings.count as usize, no_view(light));
             DVec4::new(1.0, f64::from(f32::MAX), 0.0, 0.0)

@@ -25,19 +25,27 @@ impl Choice {
 /// Chooses among the first `count` of `views` for `p`, relative to the frame's origin. What follows them says how.
 #[must_use]
 pub fn choose(select: Select, count: usize, views: &[FittedView], p: DVec3) -> Choice {
-    // Distance from the middle, half widths.
-    let off = |i: usize| {
-        let c = views[i].clip? * p.extend(1.0);
-        (c.w > 0.0).then(|| c.x.abs().max(c.y.abs()) / c.w)
+    // Distance from the middle of what is farthest from it of what a kernel with this spread looks at, half widths.
+    let reached = |i: usize, (spread, way): (f64, f64)| {
+        let clip = views[i].clip?;
+        let c = clip * p.extend(1.0);
+        let row = |i: usize| clip.row(i).truncate().length();
+        let metres =
+            if spread == 0.0 { 0.0 } else { spread * ((1.0 - c.z).max(0.0) / row(2)).min(way) };
+        let off = [0, 1].map(|i| c[i].abs() + metres * row(i));
+        (c.w > 0.0).then(|| off[0].max(off[1]) / c.w)
     };
-    let covers = |i: usize| off(i).is_some_and(|off| off <= 1.0);
+    let covers = |i: usize| reached(i, (0.0, 0.0)).is_some_and(|off| off <= 1.0);
     match select {
         Select::Map => {
             let border = views[count].light;
+            let off = |i: usize| reached(i, (border.z, border.w));
             let mut holding =
                 (0..count).filter_map(|i| Some((i, off(i).filter(|o| *o <= border.x)?)));
             let Some((first, off)) = holding.next() else {
-                return Choice::only((0..count).find(|i| covers(*i)).unwrap_or(0));
+                let mut covering = (0..count).filter(|i| covers(*i));
+                let found = if border.z > 0.0 { covering.next_back() } else { covering.next() };
+                return Choice::only(found.unwrap_or(0));
             };
             let weight = (border.x - off) * border.y;
             match holding.next() {

@@ -34,6 +34,13 @@ impl Arrange for Facing {
         }
     }
 
+    fn spread(&self, light: &Light) -> f64 {
+        match light {
+            Light::Directional { .. } => half_sides(light)[0].length(),
+            _ => 0.0,
+        }
+    }
+
     fn fit(
         &self,
         frame: &Frame<'_>,
