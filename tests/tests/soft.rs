@@ -421,13 +421,14 @@ fn the_more_a_technique_knows_the_less_it_errs_in_penumbrae() {
             error(&mask(Occluders::Microtri)),
         ];
         let [pcss, areas, patches, closed, quads, exact, tris] = errors;
-        assert!(pcss > areas, "{name}: PCSS {pcss}, areas {areas}");
         if name == "sphere" {
+            assert!(pcss > areas, "PCSS {pcss}, areas {areas}");
             // Smooth surfaces: whatever closes the gaps wins.
             assert!(pcss > patches && patches > quads && patches > closed, "{errors:?}");
             assert!(patches > exact && patches > tris, "{errors:?}");
         } else {
-            // Leaves and twigs about as wide as a texel: quads lose them, and the more so the less is kept.
+            // Leaves and twigs about as wide as a texel: quads lose them, and the more so the less is kept. What overlaps there
+            // counts more than once for areas, so that they are no better than PCSS.
             assert!(closed < patches && tris < exact, "{errors:?}");
         }
     }
