@@ -255,7 +255,7 @@ fn quads_lose_a_texel_of_every_strip_and_patches_keep_its_share() {
     let texel = texel(1024, 5.0);
     // Windows of 73 texels, one by one. A strip of w texels holds w texels' centres in the mean, of which quads span all but
     // one: nothing of strips that are no wider than a texel. Widths of which no few strips begin at the same part of a texel.
-    for width in [0.47, 63.0 / 64.0, 1.47, 2.03, 3.03] {
+    for width in [63.0 / 64.0, 1.47, 3.03] {
         let expected = 1.0 - 0.25 * (width - 1.0_f64).max(0.0) / width;
         for occluders in [Occluders::Microquad, Occluders::ExactMicroquad] {
             let config = mask(1024, occluders);

@@ -57,6 +57,12 @@ pub(super) fn matched(
             let displaced = (f64::from(config.displacement) + 1.0 / 128.0) * pixel;
             Holds { bound: (displaced / (side / f64::from(size?))).max(bound(of?) * coarser) }
         }
+        // Points without a camera ask for the finest level, and pages become coarser one after another until they fit: those at
+        // the seams may have texels twice as large as those elsewhere, or the other way round.
+        "HC-11 seams of a cube"
+        | "HC-11 seams of a tetrahedron"
+        | "HC-11 seams of an isocube"
+        | "HC-11 seams of a paraboloid" => Holds { bound: 2.0 * (1.0 + bound(of?)) - 1.0 },
         // What is looked at lies under the wire, of whose pages the atlas holds those of the second finest level. Once
         // the wire, 0.4 texels of a plain map at 30 degrees to the rows, is wider than a texel is across it, some texel's
         // centre lies in it everywhere.
