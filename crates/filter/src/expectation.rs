@@ -128,13 +128,12 @@ pub(crate) fn expectation(
         // As HC-01 C, and seen are 192 texels a side.
         "HC-25 caster out of sight" => {
             let of = |spread| slanting(exact, bound, (spread, texel), size, 192.0);
-            match (of(kernel.spread), of(kernel.widest)) {
-                // A camera sees it, so that kernels are anything between the two.
-                (Expectation::Holds { .. }, Expectation::KnownLimit { at_most, because, .. }) => {
-                    Expectation::KnownLimit { at_least: 0.0, at_most, because }
-                }
-                (least, _) => least,
+            let (least, most) = (of(kernel.spread), of(kernel.widest));
+            // A camera sees it, so that kernels are anything between the two: where they part nothing is known.
+            if std::mem::discriminant(&least) != std::mem::discriminant(&most) {
+                return None;
             }
+            least
         }
         // No less than the mean of comparisons, and no more than 1.
         "K5 far fence" => match exact {

@@ -166,9 +166,9 @@ impl TechniqueConfig for Savsm {
             return None;
         }
         // The cases where the spread counts have no camera, so that kernels have the least radius.
-        let [spread, widest] =
-            [self.radius, self.most_radius()].map(|r| coverage_spread(f64::from(r) + 0.5));
-        let kernel = Kernel { reach: f64::from(self.most_radius()) + 1.0, spread, widest };
+        let spread = coverage_spread(f64::from(self.radius) + 0.5);
+        let reach = f64::from(self.most_radius()) + 1.0;
+        let kernel = Kernel { reach, spread, widest: spread };
         let bound = Bound::Variance { deviation: self.deviation.into() };
         expectation(&self.map, kernel, bound, case)
     }
