@@ -2,7 +2,8 @@
 
 use antumbra_filter::{Esm, Fallback, Footprint, Msm, Prefilter, Vsm, twin::Probe};
 use antumbra_gpu::{
-    BlurShader, Gpu, GpuError, LayerJob, Pyramid, PyramidKind, Recorder, bind, read_buffer,
+    BlurShader, Gpu, GpuError, LayerJob, Pyramid, PyramidKind, Recorder, TechniqueConfig, bind,
+    read_buffer,
 };
 use antumbra_map::{Estimator, MapConfig, MapTechnique};
 use antumbra_measure::Stage;
@@ -215,9 +216,11 @@ fn settings_that_a_store_cannot_serve_are_refused_with_a_fix() {
         let footprint = Footprint { largest, ..Footprint::default() };
         refused(of(grown(footprint)), "filter.footprint.largest");
     }
-    for lookups in [0, 17] {
+    for lookups in [0, 17, u32::MAX] {
         let footprint = Footprint { lookups, ..Footprint::default() };
         refused(of(grown(footprint)), "filter.footprint.lookups");
+        // What theory says is asked of settings that nobody has checked.
+        let _ = Msm { filter: grown(footprint), ..Msm::default() }.expectation("HC-04 thin wall");
     }
     for samples in [0, 3, 8] {
         refused(of(Prefilter { samples, ..none }), "filter.samples");

@@ -57,6 +57,9 @@ pub struct Footprint {
     pub lookups: u32,
 }
 
+/// Most lookups in a row. Sums over them end here also for settings that nobody has checked yet.
+const MOST_LOOKUPS: u32 = 16;
+
 impl Default for Footprint {
     fn default() -> Self {
         Self { largest: 16, lookups: 8 }
@@ -73,7 +76,7 @@ impl Footprint {
             let level = (largest / f64::from(n)).log2().ceil().max(0.0);
             0.5 * largest * (1.0 - 1.0 / f64::from(n)) + 1.5 * level.exp2() - 1.5
         };
-        (1..=self.lookups).map(of).fold(0.0, f64::max)
+        (1..=self.lookups.min(MOST_LOOKUPS)).map(of).fold(0.0, f64::max)
     }
 
     /// Bound on the mean square of the distances that a lookup adds to those of the filter's texels, an axis, texels of the
@@ -86,7 +89,7 @@ impl Footprint {
                 + 0.25 * level.exp2().powi(2)
                 + largest.powi(2) / 12.0 * (1.0 - f64::from(n).powi(-2))
         };
-        (1..=self.lookups).map(of).fold(0.0, f64::max)
+        (1..=self.lookups.min(MOST_LOOKUPS)).map(of).fold(0.0, f64::max)
     }
 
     /// Bound on what levels and lookups round, relative to the largest value: a level is a mean of 4, a lookup one of 8,
@@ -102,7 +105,7 @@ impl Footprint {
         if !self.largest.is_power_of_two() || !(2..=64).contains(&self.largest) {
             return invalid("filter.footprint.largest", self.largest, "use 2, 4, 8 .. 64 texels");
         }
-        if !(1..=16).contains(&self.lookups) {
+        if !(1..=MOST_LOOKUPS).contains(&self.lookups) {
             return invalid("filter.footprint.lookups", self.lookups, "use 1 to 16");
         }
         Ok(())
