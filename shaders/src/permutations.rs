@@ -522,6 +522,8 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         ("bitmask-y", "soft::bitmask", patch, true, mask_256),
         ("bitmask-emission", "soft::bitmask", patch, true, mask_256),
         ("bitmask-pattern", "soft::bitmask", quad, true, mask_256),
+        ("bitmask-named", "soft::bitmask", patch, true, mask_256),
+        ("pcss-named", "soft::pcss", None, true, mask_256),
     ]
     .map(|(name, estimator, occluders, full, (tiles, rows, repeat))| {
         let taps = if full { 16 } else { 0 };
@@ -530,7 +532,7 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
              const SEARCH: i32 = {taps};\nconst FILTER: i32 = {taps};\nconst CENTRE: f32 = 0.0;\nconst OWN: bool = {full};\n\
              const TURN: bool = true;\nconst TILES: i32 = {tiles};\nconst ROWS: i32 = {rows};\n\
              const REPEAT: u32 = {repeat}u;\nconst CLOSE: bool = {full};\n\
-             const TRIS: bool = {full};\nconst DEEPER: i32 = 3;\n\
+             const REACH: i32 = 2;\nconst TRIS: bool = {full};\nconst DEEPER: i32 = 3;\n\
              const EMISSION: i32 = 16;\nconst POINTS: i32 = 256;\nconst POINT_WORDS: i32 = 2;\n\
              const BUCKETS: i32 = 256;\nconst X_MASKS: i32 = 1280;\nconst Y_MASKS: i32 = 1794;"
         );
@@ -548,6 +550,11 @@ fn soft() -> Vec<(&'static str, Vec<Slot>)> {
         match name {
             "bitmask-multiscale" => slots.push(module("soft::bounds", "soft::bounds_multiscale")),
             "bitmask-pattern" => slots.push(module("soft::mask", "soft::pattern_mask")),
+            "bitmask-named" => slots.push(module("soft::named", "soft::named_triangles")),
+            "pcss-named" => slots.extend([
+                module("soft::named", "soft::named_triangles"),
+                module("soft::contacts", "soft::named_contacts"),
+            ]),
             "bitmask-emission" => slots.push(module("soft::counted", "soft::emitted")),
             "bitmask-y" => slots.push(module("soft::bounds", "soft::bounds_y")),
             _ => {}

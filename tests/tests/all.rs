@@ -6,6 +6,7 @@
 mod shared {
     pub(crate) mod area;
     pub(crate) mod on_plane;
+    pub(crate) mod reticent;
     pub(crate) mod slabs;
     pub(crate) mod traced;
 }
@@ -44,6 +45,7 @@ mod single_sample;
 mod soft;
 mod soft_bounds;
 mod soft_cases;
+mod soft_contacts;
 mod soft_emission;
 mod soft_exact;
 mod soft_twins;

@@ -449,7 +449,7 @@ fn runs_are_bit_identical_also_on_a_new_device() {
             let stage = stage(&gpu, &scene);
             let mut all = Vec::new();
             for (turn, light) in lights(&scene).into_iter().enumerate() {
-                for config in one_in(3, turn, every_technique(512)) {
+                for config in one_in(3, turn, every_technique(256)) {
                     let first = shoot(&gpu, &stage, &light, &config);
                     let second = shoot(&gpu, &stage, &light, &config);
                     assert!(first == second, "{config:?}, {light:?}: two runs differ");
@@ -484,7 +484,7 @@ fn a_steady_frame_allocates_nothing() {
     }
     // Every technique, by its bytes.
     for (turn, light) in lights(&scene).into_iter().enumerate() {
-        for config in one_in(3, turn, every_technique(512)) {
+        for config in one_in(3, turn, every_technique(256)) {
             let mut technique = config.build(&gpu).expect("a valid config");
             let frame = stage.frame(&light);
             run(&gpu, &frame, technique.as_mut());
@@ -502,7 +502,7 @@ fn differing(
     a: (&Stage, &Light),
     b: (&Stage, &Light),
 ) -> (usize, &'static str) {
-    let counts = one_in(3, turn, every_technique(512)).map(|config| {
+    let counts = one_in(3, turn, every_technique(256)).map(|config| {
         let pair = shoot(gpu, a.0, a.1, &config).into_iter().zip(shoot(gpu, b.0, b.1, &config));
         (pair.filter(|(a, b)| (a - b).abs() > 1.0 / 256.0).count(), config.id())
     });

@@ -33,6 +33,15 @@ fn scene() -> Scene {
     generate::sphere_over_plane(&Default::default())
 }
 
+/// Every technique, with maps whose size is no matter here.
+fn small() -> Vec<Config> {
+    let mut all = catalogue();
+    for config in &mut all {
+        config.set_map_size(128);
+    }
+    all
+}
+
 /// A light for each layout of a map. The other kinds are served as a point light is.
 const EACH_LAYOUT: [LightKind; 3] = [LightKind::Directional, LightKind::Spot, LightKind::Sphere];
 
@@ -51,7 +60,7 @@ fn every_technique_runs_on_a_callers_device_with_default_limits_and_no_features(
     let (at_home, abroad) = (stage(&own, &scene, 96), stage(&guest, &scene, 96));
     for (turn, kind) in EACH_LAYOUT.into_iter().enumerate() {
         let light = scene.place_light(kind);
-        for config in one_in(3, turn, catalogue()) {
+        for config in one_in(3, turn, small()) {
             let mut here = config.build(&own).expect("a valid config");
             let mut there = config.build(&guest).expect("a valid config");
             let expected = shoot(&own, &at_home, &light, here.as_mut());
@@ -124,23 +133,35 @@ fn unusable_settings_are_refused_with_a_fix() {
 }
 
 #[test]
-fn unusable_lights_are_refused_with_a_fix() {
+fn unusable_lights_and_unprepared_frames_are_refused_with_a_fix() {
     let gpu = gpu();
     let scene = scene();
     let stage = stage(&gpu, &scene, 8);
     let up = DVec3::Y * 5.0;
-    for light in [
+    let unusable = [
         Light::Directional { direction: DVec3::ZERO, angular_diameter: 0.0 },
         Light::Directional { direction: DVec3::NAN, angular_diameter: 0.0 },
         Light::Point { position: DVec3::INFINITY },
         Light::Spot { position: up, direction: DVec3::NEG_Y, outer_angle: 2.0 },
         Light::Sphere { center: DVec3::NAN, radius: 1.0 },
-    ] {
-        for config in catalogue() {
-            let mut technique = config.build(&gpu).expect("a valid config");
-            let refused = technique.prepare(&gpu, &stage.frame(&light));
+    ];
+    let usual = scene.place_light(LightKind::Point);
+    let target = stage.samples.visibility_target(&gpu).expect("a target");
+    let view = target.create_view(&Default::default());
+    for config in small() {
+        let mut technique = config.build(&gpu).expect("a valid config");
+        submit(&gpu, |recorder| {
+            let refused = technique.encode(&gpu, &stage.frame(&usual), recorder, &view);
+            let named = matches!(refused, Err(GpuError::Invalid { what: "frame", .. }));
+            assert!(named, "{config:?}, not prepared: {refused:?}");
+        });
+        for light in &unusable {
+            let refused = technique.prepare(&gpu, &stage.frame(light));
             assert!(matches!(refused, Err(GpuError::Invalid { .. })), "{light:?}: {refused:?}");
         }
+        // And the technique recovers.
+        let visibility = shoot(&gpu, &stage, &usual, technique.as_mut());
+        assert_eq!(visibility.len(), 64, "{config:?}: a frame after the refused ones");
     }
 }
 
@@ -187,27 +208,6 @@ fn textures_beyond_a_limit_are_refused_before_they_are_asked_for() {
     // The largest map of six layers that this device's limits allow; it is not allocated before a frame.
     let map = MapConfig { size: side, ..MapConfig::default() };
     assert!(MapTechnique::plain(&gpu, &map).is_ok(), "a map of the largest size");
-}
-
-#[test]
-fn an_unprepared_frame_is_refused() {
-    let gpu = gpu();
-    let scene = scene();
-    let stage = stage(&gpu, &scene, 8);
-    let light = scene.place_light(LightKind::Point);
-    let target = stage.samples.visibility_target(&gpu).expect("a target");
-    let view = target.create_view(&Default::default());
-    for config in catalogue() {
-        let mut technique = config.build(&gpu).expect("a valid config");
-        submit(&gpu, |recorder| {
-            let refused = technique.encode(&gpu, &stage.frame(&light), recorder, &view);
-            let named = matches!(refused, Err(GpuError::Invalid { what: "frame", .. }));
-            assert!(named, "{config:?}: {refused:?}");
-        });
-        // And the technique recovers.
-        let visibility = shoot(&gpu, &stage, &light, technique.as_mut());
-        assert_eq!(visibility.len(), 64, "{config:?}: a frame after the refused one");
-    }
 }
 
 #[test]

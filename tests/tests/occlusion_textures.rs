@@ -12,7 +12,7 @@ use antumbra_scene::{Camera, Light, LightKind, Scene, generate};
 use antumbra_soft::twin::occlusion::{Slices, planes};
 use antumbra_soft::{Fusion, OcclusionTextures, Placement, Prefilter};
 use antumbra_tests::gpu;
-use area::{below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
+use area::{along_a_floor, below_a_square_light, bodies, lights, map, plate, seen, shoot, shots};
 use glam::{DAffine3, DVec2, DVec3};
 
 fn textures(size: u32) -> OcclusionTextures {
@@ -199,12 +199,10 @@ fn more_slices_bring_a_plate_between_planes_nearer_to_the_truth() {
     let sheets = [(-8.0, 0.0, 5.0), (40.0, 44.0, 8.0)];
     let error = |slices, placement| {
         let config = OcclusionTextures { slices, placement, ..textures(2048) };
-        let at = |x: f64| {
-            let config = Config::OcclusionTextures(config);
-            let found = below_a_square_light(&gpu, &sheets, x, &config);
-            (f64::from(found) - (0.5 + 0.5 * x)).abs()
-        };
-        [-0.6, 0.0, 0.6].into_iter().map(at).fold(0.0, f64::max)
+        let places = [-0.6, 0.0, 0.6];
+        let found = along_a_floor(&gpu, &sheets, &places, &Config::OcclusionTextures(config));
+        let off = found.iter().zip(places).map(|(v, x)| (f64::from(*v) - (0.5 + 0.5 * x)).abs());
+        off.fold(0.0, f64::max)
     };
     let errors = [2, 4, 16].map(|n| error(n, Placement::Uniform));
     // The error falls with a slice's thickness.

@@ -1,12 +1,14 @@
 //! Depth peeling against ray casting: every surface behind a texel, once, in order.
 
-use antumbra_gpu::{Casters, Drawn, Frame, Gpu, GpuError, LightView, Recorder, read_f32_texture};
+use antumbra_gpu::{Frame, Gpu, GpuError, Recorder, read_f32_texture};
 use antumbra_map::{CasterDepth, DepthPeel, Faces, Omni, PolygonOffset, ShadowMap};
 use antumbra_measure::Stage;
 use antumbra_scene::generate::shapes;
 use antumbra_scene::{Light, Scene};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DMat4, DVec2, DVec3};
+
+use crate::shared::reticent::Reticent;
 
 /// Side of a map, texels.
 const SIZE: u32 = 96;
@@ -206,19 +208,6 @@ fn two_runs_give_the_same_bits() {
     for light in &lights() {
         let layers = || peel(&gpu, &stage.frame(light), 3).expect("peeled").views;
         assert_eq!(layers(), layers(), "{light:?}");
-    }
-}
-
-/// Casters that keep their triangles to themselves.
-struct Reticent<'a>(&'a dyn Casters);
-
-impl Casters for Reticent<'_> {
-    fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3)) {
-        self.0.hull(light, visit);
-    }
-
-    fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
-        self.0.draw(view, pass)
     }
 }
 

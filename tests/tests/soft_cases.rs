@@ -21,7 +21,8 @@ use glam::{DAffine3, DVec2, DVec3, Vec3};
 /// Without a cone, a pyramid or a verdict of umbra, so that every texel is looked at.
 fn bare(size: u32) -> (MapConfig, Window) {
     let bias = Bias { cone: 0.0, ..Bias::default() };
-    let window = Window { hierarchy: Hierarchy::None, umbra: false, budget: 128, tally: false };
+    let window =
+        Window { hierarchy: Hierarchy::None, umbra: false, budget: 128, reach: 0, tally: false };
     (MapConfig { bias, ..map(size) }, window)
 }
 

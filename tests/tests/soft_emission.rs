@@ -10,7 +10,7 @@ use antumbra_reference::{TruthOptions, ViewSample};
 use antumbra_scene::{Emission, Light, Scene, generate};
 use antumbra_soft::{Bitmask, Samples, Window};
 use antumbra_tests::gpu;
-use area::{below_a_square_light, bodies, lights, map, seen, shoot};
+use area::{along_a_floor, bodies, lights, map, seen, shoot};
 use glam::{DAffine3, DVec3, Vec3};
 
 fn emission(columns: u32, rows: u32, values: &[f64]) -> Emission {
@@ -42,12 +42,11 @@ fn behind_a_half_plane_each_half_of_the_light_is_seen_by_itself() {
         (Samples::S1024, &[0.0]),
     ];
     for (samples, places) in places {
-        for &x in places {
-            let at = |emission| {
-                f64::from(below_a_square_light(&gpu, &sheet, x, &shining(samples, emission)))
-            };
-            let [right, left, above, below] = halves().map(|half| at(Some(half)));
-            let whole = at(None);
+        let at = |emission| along_a_floor(&gpu, &sheet, places, &shining(samples, emission));
+        let (halves, whole) = (halves().map(|half| at(Some(half))), at(None));
+        for (i, &x) in places.iter().enumerate() {
+            let [right, left, above, below] = [0, 1, 2, 3].map(|half| f64::from(halves[half][i]));
+            let whole = f64::from(whole[i]);
             let seen =
                 |from: f64, to: f64| ((to - f64::max(from, -x)) / (to - from)).clamp(0.0, 1.0);
             // A view reaches to a slope of 1.4; texels are 2 of the light's metres a metre at the depth 5, and half of the light

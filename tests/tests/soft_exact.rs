@@ -11,7 +11,7 @@ use antumbra_soft::{
     Placement, Samples, Vssm, Window,
 };
 use antumbra_tests::gpu;
-use area::{below_a_square_light, bodies, map, seen};
+use area::{along_a_floor, below_a_square_light, bodies, map, seen};
 use glam::{DVec2, DVec3};
 
 /// A sheet, endless across: from x, to x, and its depth below the light, of half size 1 at 0. The receiver is at the depth 10.
@@ -163,7 +163,8 @@ fn every_technique_gives_the_number_that_theory_says() {
     let gpu = gpu();
     let bias = Bias { cone: 0.0, ..Bias::default() };
     let map = MapConfig { bias, ..map(2048) };
-    let window = Window { hierarchy: Hierarchy::None, umbra: false, budget: 128, tally: false };
+    let window =
+        Window { hierarchy: Hierarchy::None, umbra: false, budget: 128, reach: 0, tally: false };
     let mask = |occluders, layers| {
         let samples = Samples::S1024;
         Config::Bitmask(Bitmask { map, window, samples, occluders, layers, ..Bitmask::default() })
@@ -180,19 +181,17 @@ fn every_technique_gives_the_number_that_theory_says() {
     let textures = Config::OcclusionTextures(textures);
     let slit = |sheets: &[Sheet]| sheets == SLIT;
     let mut wrong = Vec::new();
-    for (name, sheets, x) in [
-        ("behind", &BEHIND[..], 0.0),
-        ("beside", &BESIDE, 0.0),
-        ("hidden", &HIDDEN, 0.0),
-        ("hidden", &HIDDEN, 0.3),
-        ("hidden", &HIDDEN, 0.5),
-        ("slit", &SLIT, -0.5),
-        ("lit", &LIT, 0.0),
-        ("dark", &DARK, 0.0),
+    for (name, sheets, places) in [
+        ("behind", &BEHIND[..], &[0.0][..]),
+        ("beside", &BESIDE, &[0.0]),
+        ("hidden", &HIDDEN, &[0.0, 0.3, 0.5]),
+        ("slit", &SLIT, &[-0.5]),
+        ("lit", &LIT, &[0.0]),
+        ("dark", &DARK, &[0.0]),
     ] {
         let near = sheets.iter().map(|s| s.2).fold(10.0, f64::min);
         // What an edge at each depth that falls on the light moves, an amount of slope.
-        let edges = |slope: f64| -> f64 {
+        let edges = |x: f64, slope: f64| -> f64 {
             let on_light = |(e, z): &(f64, f64)| ((10.0 * e - z * x) / (10.0 - z)).abs() < 1.0;
             let all = sheets.iter().flat_map(|(from, to, z)| [(*from, *z), (*to, *z)]);
             all.filter(on_light).map(|(_, z)| slope * 10.0 * z / (10.0 - z) / 2.0).sum()
@@ -204,24 +203,32 @@ fn every_technique_gives_the_number_that_theory_says() {
         let flat = |z: f64| (10.0 - z) / 10.0 * 2.0 * FLOOR / 2048.0;
         let image: f64 = sheets.iter().map(|s| 0.1 * flat(s.2) / (2.0 - 0.2 * s.2)).sum();
         // Blocks count by their middle, quads from middle to middle.
-        let (patches, quads) = (edges(0.5 * block) + 0.01, edges(block) + 0.01);
-        let mut check = |what: &str, config: &Config, expected: f64, off: f64| {
-            let found = f64::from(below_a_square_light(&gpu, sheets, x, config));
-            if (found - expected).abs() > off {
-                wrong.push(format!("{name} at {x}, {what}: {found}, not {expected} +- {off}"));
+        let patches = |x: f64| edges(x, 0.5 * block) + 0.01;
+        let quads = |x: f64| edges(x, block) + 0.01;
+        let mut check = |what: &str,
+                         config: &Config,
+                         expected: &dyn Fn(f64) -> f64,
+                         off: &dyn Fn(f64) -> f64| {
+            let all = along_a_floor(&gpu, sheets, places, config);
+            for (x, found) in places.iter().zip(all) {
+                let (found, expected, off) = (f64::from(found), expected(*x), off(*x));
+                if (found - expected).abs() > off {
+                    let what = format!("{name} at {x}, {what}");
+                    wrong.push(format!("{what}: {found}, not {expected} +- {off}"));
+                }
             }
         };
         // The mean depth is off by a block of 6 m in the window's width, and the filter's window with it.
-        check("PCSS", &pcss, closer(sheets, x, near), 0.04);
-        check("areas", &areas, added(sheets, x), patches);
-        check("micropatches", &mask(Occluders::Micropatch, 1), joined(sheets, x, 1), patches);
-        check("two layers", &mask(Occluders::Micropatch, 2), joined(sheets, x, 2), patches);
+        check("PCSS", &pcss, &|x| closer(sheets, x, near), &|_| 0.04);
+        check("areas", &areas, &|x| added(sheets, x), &patches);
+        check("micropatches", &mask(Occluders::Micropatch, 1), &|x| joined(sheets, x, 1), &patches);
+        check("two layers", &mask(Occluders::Micropatch, 2), &|x| joined(sheets, x, 2), &patches);
         // Surfaces of quads span slits.
-        let closed = |layers| if slit(sheets) { 0.0 } else { joined(sheets, x, layers) };
-        check("microquads", &mask(Occluders::Microquad, 1), closed(1), quads);
-        check("two layers of quads", &mask(Occluders::Microquad, 2), closed(2), quads);
-        check("moments", &vssm, by_moments(sheets, x, near), 0.04);
-        check("slices", &textures, sliced(sheets, x, 16), image + 0.02);
+        let closed = |x, layers| if slit(sheets) { 0.0 } else { joined(sheets, x, layers) };
+        check("microquads", &mask(Occluders::Microquad, 1), &|x| closed(x, 1), &quads);
+        check("two layers of quads", &mask(Occluders::Microquad, 2), &|x| closed(x, 2), &quads);
+        check("moments", &vssm, &|x| by_moments(sheets, x, near), &|_| 0.04);
+        check("slices", &textures, &|x| sliced(sheets, x, 16), &|_| image + 0.02);
     }
     assert!(wrong.is_empty(), "not as theory says:\n{}", wrong.join("\n"));
 }

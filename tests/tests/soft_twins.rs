@@ -3,9 +3,9 @@
 use antumbra_gpu::{Gpu, bind, read_buffer};
 use antumbra_scene::Light;
 use antumbra_shaders::{Slot, link_source, module, source};
-use antumbra_soft::twin::View;
 use antumbra_soft::twin::mask::Mask;
 use antumbra_soft::twin::techniques::{Map, Receiver};
+use antumbra_soft::twin::{Seen, View};
 use antumbra_soft::{
     Bitmask, Hierarchy, Occluders, Pattern, Pcss, Samples, SingleSample, WidthLookup, Window,
 };
@@ -13,13 +13,13 @@ use antumbra_tests::{Random, gpu};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
 /// Runs a shader with the entry point `main` over `count` threads: storage buffers in group 0, the light or what else there is
-/// at a binding of group 2; gives back the last buffer of group 0.
+/// at its bindings in group 2; gives back the last buffer of group 0.
 fn run(
     gpu: &Gpu,
     wgsl: String,
     given: &[&[u8]],
     result: usize,
-    light: Option<(u32, &[u8])>,
+    beside: &[(u32, &[u8])],
     count: u32,
 ) -> Vec<u8> {
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -45,8 +45,12 @@ fn run(
         })
     };
     let first = group(0, &entries);
-    let light = light.map(|(binding, bytes)| (binding, gpu.buffer("light", bytes, storage)));
-    let second = light.as_ref().map(|(binding, bytes)| group(2, &[bind::buffer(*binding, bytes)]));
+    let beside: Vec<(u32, wgpu::Buffer)> = beside
+        .iter()
+        .map(|(binding, bytes)| (*binding, gpu.buffer("beside", bytes, storage)))
+        .collect();
+    let beside: Vec<_> = beside.iter().map(|(at, buffer)| bind::buffer(*at, buffer)).collect();
+    let second = if beside.is_empty() { None } else { Some(group(2, &beside)) };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(&pipeline);
@@ -101,7 +105,7 @@ fn masks_of_a_million_rectangles_are_bit_for_bit_those_of_the_twin() {
         for batch in 0..count / 50_000 {
             let rectangles: Vec<[f32; 4]> = (0..50_000).map(|_| [0; 4].map(|_| corner())).collect();
             let given = bytemuck::cast_slice(&rectangles);
-            let bytes = run(&gpu, wgsl.clone(), &[given], 50_000 * words * 4, None, 50_000);
+            let bytes = run(&gpu, wgsl.clone(), &[given], 50_000 * words * 4, &[], 50_000);
             let found: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
             for (r, found) in rectangles.iter().zip(found.chunks(words)) {
                 let [x0, y0, x1, y1] = r.map(f64::from);
@@ -150,8 +154,8 @@ fn masks_of_any_pattern_are_bit_for_bit_those_of_its_samples_one_by_one() {
         };
         let rectangles: Vec<[f32; 4]> = (0..COUNT).map(|_| [0, 1, 0, 1].map(&mut corner)).collect();
         let given = bytemuck::cast_slice(&rectangles);
-        let group = Some((9, bytemuck::cast_slice(&tables.data)));
-        let bytes = run(&gpu, wgsl, &[given], COUNT * words * 4, group, COUNT as u32);
+        let group = (9, bytemuck::cast_slice(&tables.data));
+        let bytes = run(&gpu, wgsl, &[given], COUNT * words * 4, &[group], COUNT as u32);
         let found: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         let mut marked = 0;
         for (r, found) in rectangles.iter().zip(found.chunks(words)) {
@@ -277,7 +281,7 @@ fn stored(texel: vec2i) -> f32 {
     let given = bytemuck::cast_slice(receivers);
     let light = upload(view, kind);
     let bytes =
-        run(gpu, wgsl, &[given], receivers.len() * 4, Some((0, &light)), receivers.len() as u32);
+        run(gpu, wgsl, &[given], receivers.len() * 4, &[(0, &light)], receivers.len() as u32);
     bytemuck::pod_collect_to_vec(&bytes)
 }
 
@@ -286,7 +290,8 @@ fn estimators_agree_with_their_twins_under_every_light() {
     const COUNT: usize = 512;
     let gpu = gpu();
     let mut random = Random(5);
-    let window = Window { hierarchy: Hierarchy::None, umbra: false, budget: 64, tally: false };
+    let window =
+        Window { hierarchy: Hierarchy::None, umbra: false, budget: 64, reach: 0, tally: false };
     for (light, kind) in lights() {
         let view = View::new(&clip(&light), f64::from(SIZE), &light);
         let receivers: Vec<[f32; 4]> = (0..COUNT)
@@ -387,5 +392,138 @@ fn estimators_agree_with_their_twins_under_every_light() {
                 twins.iter().map(|at| map.single_sample(at, &config, &width)).collect();
             compare(&format!("single sample, {lookup:?}"), &found, &exact, 1e-4, 0);
         }
+    }
+}
+
+const NAMED: &str = "
+import package::soft::area::{seen};
+import package::soft::mask::{Mask, WORDS};
+import package::soft::named_triangles::{
+    add_triangle_of, half_plane, in_view, receiver_from_light, triangle_near
+};
+
+/// Texel and depth; normal; place relative to the light.
+@group(0) @binding(0) var<storage, read> receivers: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> found: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if 3u * id.x < arrayLength(&receivers) {
+        let r = receivers[3u * id.x];
+        var light = seen(0, r.xy, r.z);
+        light.n = receivers[3u * id.x + 1u].xyz;
+        light.from_centre = receivers[3u * id.x + 2u].xyz;
+        let from_light = receiver_from_light(light);
+        let horizon = half_plane(light, from_light, in_view(light, light.n));
+        var mask = Mask();
+        _ = add_triangle_of(&mask, light, from_light, horizon, triangle_near(light, id.x));
+        for (var i = 0; i < 4 * WORDS; i++) {
+            found[i32(id.x) * 4 * WORDS + i] = mask[i % WORDS][i / WORDS];
+        }
+    }
+}";
+
+/// A receiver and a triangle, relative to it.
+struct Near {
+    texel: [f32; 3],
+    normal: DVec3,
+    corners: [DVec3; 3],
+}
+
+/// The half-planes of what the triangle hides above the receiver's horizon, each with how far off rounding may have it. With
+/// u = 2^-24 a cross product of a and b is off by 4 u |a| |b| along each axis, and a part along it of a way of length d, whose
+/// terms are as long, by 8 u d |a| |b|, for the sides of the light too; normals, whose length is divided by, by as much
+/// over that length.
+fn planes(light: &Seen, near: &Near) -> Option<[(DVec3, f64); 5]> {
+    const ROUNDOFF: f64 = 1.0 / (1u64 << 24) as f64;
+    let [a, b, c] = near.corners.map(|corner| light.in_view(corner));
+    let [ab, bc, ca, before] = light.hidden_by([a, b, c])?;
+    let way = light.receiver_from_light().length() + light.lo.length() + light.hi.length() + 1.0;
+    let off = 64.0 * ROUNDOFF * way;
+    let of = |p: DVec3, q: DVec3| off * p.length() * q.length();
+    let (u, v) = (b - a, c - a);
+    let slant = u.length() * v.length() / u.cross(v).length();
+    let horizon = light.half_plane(light.in_view(near.normal));
+    Some([(ab, of(a, b)), (bc, of(b, c)), (ca, of(c, a)), (before, off * slant), (horizon, off)])
+}
+
+#[test]
+fn what_a_named_triangle_hides_is_what_the_twins_half_planes_hold() {
+    const COUNT: usize = 25_000;
+    let gpu = gpu();
+    let mut random = Random(31);
+    let config = source("config", Samples::S256.constants() + "const REACH: i32 = 2;\n");
+    let wgsl = link_source("tests::named", NAMED, &[config]).expect("it links");
+    // The control: an edge the other way round.
+    let wrong = wgsl.replace("cross(near.b, near.c)", "cross(near.c, near.b)");
+    assert_ne!(wgsl, wrong, "the control's edge");
+    for (light, kind) in lights() {
+        let view = View::new(&clip(&light), f64::from(SIZE), &light);
+        let all: Vec<Near> = (0..COUNT)
+            .map(|_| {
+                let place = |random: &mut Random| (random.unit() * f64::from(SIZE)) as f32;
+                let texel =
+                    [place(&mut random), place(&mut random), (0.1 + 0.4 * random.unit()) as f32];
+                // Around the receiver, from as near as nothing, before and behind it.
+                let far = 4.0f64.powi(-(random.below(6) as i32));
+                let corners = [0; 3].map(|_| (far * random.vector()).as_vec3().as_dvec3());
+                Near { texel, normal: random.vector().normalize(), corners }
+            })
+            .collect();
+        let receivers: Vec<[f32; 4]> = all
+            .iter()
+            .flat_map(|near| {
+                let [x, y, depth] = near.texel;
+                let seen = view.seen(DVec2::new(x.into(), y.into()), depth.into());
+                let [p, q, r] = seen.receiver_from_light().to_array();
+                let place = view.x * p + view.y * q + view.z * r;
+                let four = |v: DVec3| v.as_vec3().extend(0.0).to_array();
+                [[x, y, depth, 0.0], four(near.normal), four(place)]
+            })
+            .collect();
+        let vertices: Vec<f32> =
+            all.iter().flat_map(|n| n.corners).flat_map(|c| c.as_vec3().to_array()).collect();
+        let indices: Vec<u32> = (0..3 * COUNT as u32).collect();
+        let off = |wgsl: &str| -> (usize, usize) {
+            let upload = upload(&view, kind);
+            let bytes = run(
+                &gpu,
+                wgsl.to_owned(),
+                &[bytemuck::cast_slice(&receivers)],
+                COUNT * 8 * 4,
+                &[
+                    (0, &upload),
+                    (11, bytemuck::cast_slice(&vertices)),
+                    (12, bytemuck::cast_slice(&indices)),
+                ],
+                COUNT as u32,
+            );
+            let found: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+            let (mut wrong, mut hidden) = (0, 0);
+            for (near, words) in all.iter().zip(found.chunks(8)) {
+                let [x, y, depth] = near.texel.map(f64::from);
+                let seen = view.seen(DVec2::new(x, y), depth);
+                let near = Near { normal: near.normal.as_vec3().as_dvec3(), ..*near };
+                let planes = planes(&seen, &near);
+                let mut mask = Mask::new(Samples::S256);
+                mask.words.copy_from_slice(words);
+                for (s, column, row, at) in mask.samples() {
+                    let values =
+                        planes.map(|p| p.map(|(g, off)| (g.truncate().dot(at) + g.z, off)));
+                    let sure =
+                        values.is_none_or(|v| v.iter().all(|(value, off)| value.abs() > *off));
+                    let inside = values.is_some_and(|v| v.iter().all(|(value, _)| *value >= 0.0));
+                    let mut one = Mask::new(Samples::S256);
+                    one.add_sample(s, column, row);
+                    hidden += usize::from(inside);
+                    wrong += usize::from(sure && (mask.count_in(&one) == 1) != inside);
+                }
+            }
+            (wrong, hidden)
+        };
+        let (found, hidden) = off(&wgsl);
+        assert_eq!(found, 0, "{light:?}: samples that are off, of {hidden} hidden ones");
+        assert!(hidden > 100_000, "{light:?}: the trial is not an idle one: {hidden}");
+        assert!(off(&wrong).0 > 10_000, "{light:?}: the control");
     }
 }

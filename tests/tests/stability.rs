@@ -8,11 +8,13 @@ use antumbra_gpu::{
 use antumbra_map::{Bias, DiscShadows, MapConfig, MapTechnique, Plain, SecondDepth, SecondSurface};
 use antumbra_measure::stability::{CASES, Case, Kind};
 use antumbra_scene::Light;
+use antumbra_soft::{Bitmask, Window};
 use antumbra_tests::gpu;
 use glam::DVec3;
 
 /// The catalogue and the widest kernels that people use.
 fn techniques(size: u32) -> Vec<Config> {
+    let named = Window { reach: 2, ..Window::default() };
     let mut all = catalogue();
     all.extend([
         Config::PcfGrid(PcfGrid { side: 7, ..Default::default() }),
@@ -27,6 +29,7 @@ fn techniques(size: u32) -> Vec<Config> {
         Config::SecondDepth(SecondDepth { bias: 0.1, ..Default::default() }),
         Config::Esm(Esm { fallback: Fallback::Deeper, ..Default::default() }),
         Config::Plain(Plain { map: MapConfig { receiver_mask: true, ..Default::default() } }),
+        Config::Bitmask(Bitmask { window: named, ..Default::default() }),
     ]);
     for config in &mut all {
         config.set_map_size(size);
@@ -152,36 +155,26 @@ fn samples_are_placed_as_expected_on_small_maps() {
     check(128, |kind| kind == Kind::Placement, places);
 }
 
-/// On maps of the usual size: what reads depth alone. `cargo xtask bench --suite stability` runs all.
+/// On maps of the usual size: what reads depth alone, by one texel and by 7 x 7. `cargo xtask bench --suite stability` runs all.
 #[test]
 fn depth_maps_are_as_expected_on_middling_maps() {
     check(
         1024,
         |kind| kind != Kind::Placement,
-        |config| config.id() == "map/plain" || config.id().starts_with("filter/pcf"),
+        |config| match config {
+            Config::Plain(plain) => !plain.map.receiver_mask,
+            Config::PcfGrid(grid) => grid.side == 7,
+            _ => false,
+        },
     );
 }
 
 #[test]
 fn no_receiver_shadows_itself_on_large_maps() {
-    // Filtered stores of this size take minutes and gigabytes here, and their bias knows texels only as 1024 does.
-    let unfiltered = |config: &Config| {
-        let stores = [
-            "filter/vsm",
-            "filter/lvsm",
-            "filter/savsm",
-            "filter/convolution",
-            "filter/multiple-depth",
-            "filter/power-function",
-            "filter/blurred-depth",
-            "filter/soft-comparison",
-            "filter/esm",
-            "filter/evsm",
-            "filter/msm",
-        ];
-        !stores.contains(&config.id())
-    };
-    check(2048, |kind| kind == Kind::SelfShadowing, unfiltered);
+    // What compares each texel with the receiver. Filtered stores of this size take minutes and gigabytes here, and what is
+    // made of such a map by others has its bias.
+    let comparing = |config: &Config| config.id().starts_with("map/") || compares(config);
+    check(2048, |kind| kind == Kind::SelfShadowing, comparing);
 }
 
 fn case(name: &str) -> &'static Case {

@@ -2,7 +2,7 @@
 
 use antumbra::Config;
 use antumbra_gpu::read_f32_texture;
-use antumbra_gpu::{Casters, Drawn, Frame, Gpu, LightView, Recorder, Technique, ViewSamples};
+use antumbra_gpu::{Frame, Gpu, Recorder, Technique, ViewSamples};
 use antumbra_map::{ObjectId, Plain, PolygonId, TriangleDepth};
 use antumbra_measure::Stage;
 use antumbra_reference::{SampleClass, TruthOptions, ViewSample};
@@ -11,6 +11,7 @@ use antumbra_scene::{Light, LightKind, Mesh, Scene};
 use antumbra_tests::gpu;
 use glam::{DAffine3, DVec3, Vec3};
 
+use crate::shared::reticent::Reticent;
 use crate::shared::traced;
 
 use traced::{Model, by_object, by_triangles, count, receivers};
@@ -251,15 +252,6 @@ fn points_given_to_a_stage_know_their_object() {
 
 #[test]
 fn a_reach_out_of_range_and_casters_without_triangles_are_refused_with_a_fix() {
-    struct Reticent<'a>(&'a dyn Casters);
-    impl Casters for Reticent<'_> {
-        fn hull(&self, light: &Light, visit: &mut dyn FnMut(DVec3)) {
-            self.0.hull(light, visit);
-        }
-        fn draw(&self, view: &LightView<'_>, pass: &mut wgpu::RenderPass<'_>) -> Drawn {
-            self.0.draw(view, pass)
-        }
-    }
     let gpu = gpu();
     for config in [
         Config::PolygonId(PolygonId { reach: 9, ..Default::default() }),

@@ -34,7 +34,7 @@ impl TechniqueConfig for BackProjection {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        let accuracy = Accuracy { apart: 0.0, contact: 0.0, edge: 0.0, ..Accuracy::of(&self.map) };
+        let accuracy = Accuracy { named: self.window.reach, ..Accuracy::of(&self.map) };
         expectation::over_a_map(&self.map, &accuracy, case)
     }
 }

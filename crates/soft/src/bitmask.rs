@@ -166,6 +166,11 @@ impl Bitmask {
                 "use micropatches or microquads, which mark rectangles, or the pattern of tiles";
             return Err(GpuError::Invalid { what: "occluders", value, fix });
         }
+        if self.window.reach > 0 && self.pattern != Pattern::Tiles {
+            let value = format!("{} over a pattern of samples", self.window.reach);
+            let fix = "leave `reach` at 0, or use the pattern of tiles";
+            return Err(GpuError::Invalid { what: "window.reach", value, fix });
+        }
         self.pattern.tables(self.samples)
     }
 
@@ -202,7 +207,8 @@ impl Bitmask {
         if self.emission.is_some() {
             slots.push(module("soft::counted", "soft::emitted"));
         }
-        Ok(self.window.estimator("soft::bitmask", slots, &constants, fetches))
+        let (store, path) = ("common::depth_map", "soft::bitmask");
+        Ok(self.window.masking_estimator(store, path, slots, &constants, fetches))
     }
 }
 
@@ -272,10 +278,16 @@ impl TechniqueConfig for Bitmask {
             }
             Pattern::Points(_) => return None,
         };
+        if self.layers > 1
+            && let Some(whole) = antumbra_map::without_holes(case)
+        {
+            return Some(whole);
+        }
         let accuracy = Accuracy {
             apart: 4.0 * edge,
             contact: edge,
             edge: 2.0 * edge,
+            named: self.window.reach,
             ..Accuracy::of(&self.map)
         };
         expectation::over_a_map(&self.map, &accuracy, case)

@@ -20,6 +20,8 @@ pub(crate) struct Accuracy {
     pub(crate) edge: f64,
     /// Slope of the bias cone, within which nothing hides any light.
     pub(crate) cone: f64,
+    /// Texels around a receiver's own that name triangles, a side.
+    pub(crate) named: u32,
     /// By how much it grows lighter below the middle of a plate, 6 m from a light of half size 1, as a ball of 0.2 m hides
     /// the plate from the light's centre, 2 m from it.
     pub(crate) rise: f64,
@@ -29,7 +31,7 @@ impl Accuracy {
     /// Exact, for what lies before the light alone: the plate hides all of the light, and the ball 0.05 of it.
     pub(crate) fn of(map: &MapConfig) -> Self {
         let cone = f64::from(map.bias.cone);
-        Self { apart: 0.0, contact: 0.0, edge: 0.0, cone, rise: 0.9 }
+        Self { apart: 0.0, contact: 0.0, edge: 0.0, cone, named: 0, rise: 0.9 }
     }
 }
 
@@ -62,6 +64,11 @@ const ROUNDING: f64 = 3e-4;
 pub(crate) fn over_a_map(map: &MapConfig, accuracy: &Accuracy, case: &str) -> Option<Expectation> {
     use Expectation::{Holds, KnownLimit};
     let size = f64::from(map.size);
+    if accuracy.named > 0
+        && let Some(whole) = antumbra_map::without_holes(case)
+    {
+        return Some(whole);
+    }
     Some(match case {
         // From the floor's corners what the rays from the centre pass at the height of the plate is 2.4 m from it: more than
         // the 2 m that it is up.
@@ -72,6 +79,18 @@ pub(crate) fn over_a_map(map: &MapConfig, accuracy: &Accuracy, case: &str) -> Op
         },
         "area light of any size" => Holds { bound: accuracy.apart + ROUNDING },
         "area light, contact" => Holds { bound: accuracy.contact + ROUNDING },
+        // Either of the plate's two triangles hides half of the light. The view is 2 x 3.08 wide 1 m off, and so many of its
+        // texels lie across the 6 m of floor 10 m off: where those around a receiver are on both sides of the plate's diagonal
+        // both are named.
+        "area light, caster at it" if accuracy.named > 0 => {
+            let across = 6.0 / (10.0 * 2.0 * 3.08) * size;
+            let alone = 1.0 - f64::from(2 * accuracy.named + 1) / across;
+            KnownLimit {
+                at_least: 0.5 * alone.max(0.0).powi(2),
+                at_most: 0.5,
+                because: "of what is at the light the map holds a spot: texels around a receiver name one triangle of two",
+            }
+        }
         "area light, caster at it" => AT_THE_LIGHT,
         "area light, passing ball" => KnownLimit {
             at_least: hand_over(accuracy.rise),

@@ -17,6 +17,7 @@ mod bounding;
 mod deeper;
 mod expectation;
 mod facing;
+mod named;
 mod occlusion;
 mod offset;
 mod pattern;

@@ -107,6 +107,7 @@ impl TechniqueConfig for Pcss {
             apart: off,
             contact: off,
             edge: 2.0 * edge,
+            named: self.window.reach,
             rise: HANDED_OVER,
             ..Accuracy::of(&self.map)
         };

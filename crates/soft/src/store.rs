@@ -9,6 +9,7 @@ use antumbra_scene::Light;
 use crate::bounding::Bounding;
 use crate::deeper::Deeper;
 use crate::facing::{axes, half_sides};
+use crate::named::{self, Named};
 use crate::table::Table;
 use crate::twin::View;
 use crate::window::Window;
@@ -99,8 +100,9 @@ pub(crate) struct Beside<'a> {
     pub(crate) pattern: Option<&'a [[u32; 4]]>,
 }
 
-/// What the bind group holds that may change: the pyramid in bindings 1 and 4, the table in 3, deeper layers in 5 to 7.
-type Bound = [Option<wgpu::TextureView>; 6];
+/// What the bind group holds that may change: the pyramid in bindings 1 and 4, the table in 3, deeper layers in 5 to 7; and
+/// named triangles.
+type Bound = ([Option<wgpu::TextureView>; 6], Option<named::Bound>);
 
 const BOUND: [u32; 6] = [1, 4, 3, 5, 6, 7];
 
@@ -122,6 +124,7 @@ pub(crate) struct AreaStore {
     deeper: Option<Deeper>,
     emission: Option<wgpu::Buffer>,
     pattern: Option<wgpu::Buffer>,
+    named: Option<Named>,
     group: BindGroupCache<Bound>,
     map: Option<wgpu::TextureView>,
     is_hard: bool,
@@ -148,6 +151,8 @@ impl AreaStore {
         all.extend(deeper.iter().flat_map(|_| Deeper::entries()));
         all.extend(emission.map(|_| entries::storage(EMISSION, CS)));
         all.extend(pattern.map(|_| entries::storage(PATTERN, CS)));
+        let named = Named::new(gpu, window.reach)?;
+        all.extend(named.iter().flat_map(|_| Named::entries()));
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("area light"),
             entries: &all,
@@ -164,13 +169,14 @@ impl AreaStore {
             deeper,
             emission: emission.map(|e| gpu.buffer("emission", bytemuck::cast_slice(e), usage)),
             pattern: pattern.map(|p| gpu.buffer("pattern", bytemuck::cast_slice(p), usage)),
+            named,
             group: BindGroupCache::default(),
             map: None,
             is_hard: true,
         })
     }
 
-    fn bound(&self) -> Bound {
+    fn bound(&self) -> [Option<wgpu::TextureView>; 6] {
         let [pyramid, stack] = self.bounding.as_ref().map_or([None, None], Bounding::views);
         let table = self.table.as_ref().map(|table| table.view().clone());
         let [second, third, fourth] =
@@ -230,7 +236,8 @@ impl Store for AreaStore {
         if let Some(deeper) = &mut self.deeper {
             deeper.prepare(gpu, frame, map)?;
         }
-        self.group.get(self.bound(), |bound| {
+        let named = self.named.as_mut().map(|named| named.prepare(gpu, frame, map)).transpose()?;
+        self.group.get((self.bound(), named), |(bound, named)| {
             let mut all = vec![bind::buffer(0, &self.light)];
             for (binding, view) in BOUND.iter().zip(bound) {
                 all.extend(view.as_ref().map(|view| bind::texture(*binding, view)));
@@ -239,6 +246,7 @@ impl Store for AreaStore {
                 all.push(bind::buffer(2, &self.tally));
             }
             all.extend(self.emission.iter().map(|emission| bind::buffer(EMISSION, emission)));
+            all.extend(named.iter().flat_map(Named::bind));
             all.extend(self.pattern.iter().map(|pattern| bind::buffer(PATTERN, pattern)));
             gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("area light"),
@@ -256,6 +264,9 @@ impl Store for AreaStore {
         map: &ShadowMap,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), GpuError> {
+        if let Some(named) = &mut self.named {
+            named.encode(gpu, frame, map, recorder)?;
+        }
         if let Some(deeper) = &mut self.deeper {
             deeper.encode(gpu, frame, map, recorder)?;
         }
@@ -276,6 +287,10 @@ impl Store for AreaStore {
         self.group.kept()
     }
 
+    fn draws(&self) -> bool {
+        self.named.is_some()
+    }
+
     fn needs_receivers(&self) -> bool {
         self.table.is_some()
     }
@@ -287,7 +302,8 @@ impl Store for AreaStore {
     fn counters(&self) -> Counters {
         let texels = self.bounding.as_ref().map_or(0, Bounding::texels)
             + self.table.as_ref().map_or(0, Table::texels);
-        let mut counters = self.deeper.as_ref().map_or_else(Counters::new, Deeper::counters);
+        let mut counters = self.named.as_ref().map_or_else(Counters::new, Named::counters);
+        counters.extend(self.deeper.iter().flat_map(Deeper::counters));
         counters.insert("store_texels", texels);
         counters
     }
@@ -308,6 +324,7 @@ impl Store for AreaStore {
             + self.tally.size()
             + self.bounding.as_ref().map_or(0, Bounding::bytes)
             + self.table.as_ref().map_or(0, Table::bytes)
+            + self.named.as_ref().map_or(0, Named::bytes)
             + self.deeper.as_ref().map_or(0, Deeper::bytes)
             + self.emission.as_ref().map_or(0, wgpu::Buffer::size)
             + self.pattern.as_ref().map_or(0, wgpu::Buffer::size)

@@ -32,6 +32,8 @@ pub struct Vssm {
     /// Least standard deviation of depth, share of the depth range, 0 to 1, default 1e-3: hides what rounding does to the
     /// variance.
     pub deviation: f32,
+    /// As [`Window::reach`], default 0.
+    pub reach: u32,
     /// Counts on the GPU what becomes of samples, for measurements. Default false.
     pub tally: bool,
 }
@@ -45,6 +47,7 @@ impl Default for Vssm {
             parts: 4,
             strips: 8,
             deviation: 1e-3,
+            reach: 0,
             tally: false,
         }
     }
@@ -55,8 +58,8 @@ const MOST: u32 = 511;
 
 impl Vssm {
     fn window(&self) -> Window {
-        let (hierarchy, umbra, tally) = (self.hierarchy, self.umbra, self.tally);
-        Window { hierarchy, umbra, tally, ..Window::default() }
+        let Self { hierarchy, umbra, reach, tally, .. } = *self;
+        Window { hierarchy, umbra, reach, tally, ..Window::default() }
     }
 
     /// How the table keeps its sums: as many bits as windows of a map of this side, or of the largest that are read at once,
@@ -135,6 +138,7 @@ impl TechniqueConfig for Vssm {
             contact: off(1.6, 1.0),
             edge: off(6.0, 5.0),
             cone: 0.0,
+            named: self.reach,
             rise: HANDED_OVER,
         };
         expectation::over_a_map(&self.map, &accuracy, case)

@@ -69,6 +69,14 @@ pub(crate) fn bodies() -> Scene {
     scene
 }
 
+/// Mean, and its standard error were the values independent.
+pub(crate) fn mean(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0) / count).sqrt())
+}
+
 /// What the scene's camera sees.
 pub(crate) fn seen(gpu: &Gpu, scene: &Scene, side: u32) -> Stage {
     Stage::new(gpu, scene, scene.camera_or_framing(), side, side).expect("a stage")
@@ -123,6 +131,16 @@ pub(crate) fn below_a_square_light(
     x: f64,
     config: &Config,
 ) -> f32 {
+    along_a_floor(gpu, sheets, &[x], config)[0]
+}
+
+/// As [`below_a_square_light`], for several points at once.
+pub(crate) fn along_a_floor(
+    gpu: &Gpu,
+    sheets: &[(f64, f64, f64)],
+    places: &[f64],
+    config: &Config,
+) -> Vec<f32> {
     let mut scene = Scene { name: "sheets".to_owned(), ..Scene::default() };
     let floor = generate::shapes::quad(DVec3::Y * -10.0, DVec3::Z * 60.0, DVec3::X * 60.0);
     scene.add(floor, DAffine3::IDENTITY);
@@ -131,9 +149,12 @@ pub(crate) fn below_a_square_light(
         let half = DVec3::X * 0.5 * (to - from);
         scene.add(generate::shapes::quad(center, DVec3::Z * 50.0, half), DAffine3::IDENTITY);
     }
-    let position = (DVec3::new(x, -10.0, 0.0) - scene.origin()).as_vec3();
-    let samples = [ViewSample { position, normal: Vec3::Y }];
+    let position = |x: &f64| (DVec3::new(*x, -10.0, 0.0) - scene.origin()).as_vec3();
+    let samples: Vec<ViewSample> =
+        places.iter().map(|x| ViewSample { position: position(x), normal: Vec3::Y }).collect();
     let stage = Stage::at_points(gpu, &scene, &samples).expect("a stage");
     let light = Light::Rect { center: DVec3::ZERO, half_u: DVec3::X, half_v: DVec3::Z };
-    shoot(gpu, &stage, &light, config)[0]
+    let mut found = shoot(gpu, &stage, &light, config);
+    found.truncate(places.len());
+    found
 }

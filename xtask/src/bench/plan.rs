@@ -11,7 +11,8 @@ use antumbra_map::{MapConfig, Omni, Plain};
 use antumbra_sampling::{CascadeFit, Cascades, Select};
 use antumbra_scene::{LightKind, LoadOptions, Scene, generate, load};
 use antumbra_soft::{
-    Bitmask, Fusion, Occluders, OcclusionTextures, Pcss, Placement, Prefilter, SingleSample, Widths,
+    Bitmask, Fusion, Occluders, OcclusionTextures, Pcss, Placement, Prefilter, SingleSample, Vssm,
+    Widths, Window,
 };
 use antumbra_volume::{Savings, Silhouette, ZFail, ZPass};
 use anyhow::{Context as _, bail};
@@ -156,6 +157,7 @@ fn entries() -> Vec<Entry> {
     let castano =
         |side, hardware| Config::PcfCastano(PcfCastano { side, hardware, ..Default::default() });
     let bitmask = |occluders| Config::Bitmask(Bitmask { occluders, ..Default::default() });
+    let named = Window { reach: 2, ..Window::default() };
     let two_layers_of_quads = Config::Bitmask(Bitmask {
         occluders: Occluders::Microquad,
         layers: 2,
@@ -200,6 +202,9 @@ fn entries() -> Vec<Entry> {
             variant("microquad", bitmask(Occluders::Microquad)),
             variant("exact", bitmask(Occluders::ExactMicroquad)),
             variant("microtri", bitmask(Occluders::Microtri)),
+            variant("named", Config::Bitmask(Bitmask { window: named, ..Default::default() })),
+            variant("named", Config::Pcss(Pcss { window: named, ..Default::default() })),
+            variant("named", Config::Vssm(Vssm { reach: 2, ..Default::default() })),
             variant("two-layers", Config::Bitmask(Bitmask { layers: 2, ..Default::default() })),
             variant("microquad-two-layers", two_layers_of_quads),
             variant("16", slices(OcclusionTextures { slices: 16, ..Default::default() })),

@@ -1,6 +1,6 @@
 //! `soft/mask.wesl`: bits for the samples of a light.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::Samples;
 
@@ -75,6 +75,31 @@ impl Mask {
                 let at = || sides.iter().filter_map(|(p, q)| crossing(*p, *q, y));
                 let lo = at().fold(f64::INFINITY, f64::min);
                 let hi = at().fold(f64::NEG_INFINITY, f64::max);
+                let from = self.first_tile(DVec2::new(lo, 0.0), o).0;
+                let to = self.first_tile(DVec2::new(hi, 0.0), o).0;
+                if to > from {
+                    self.add_rows(s, self.columns(from, to), row, row + 1);
+                }
+            }
+        }
+    }
+
+    /// `add_half_planes`.
+    pub fn add_half_planes(&mut self, planes: &[DVec3; 5]) {
+        for (s, o) in OFFSETS.into_iter().enumerate() {
+            for row in 0..self.tiles {
+                let y = (f64::from(row) + o.y) / f64::from(self.tiles);
+                let (mut lo, mut hi) = (0.0f64, 1.0f64);
+                for g in planes {
+                    let rest = g.y * y + g.z;
+                    if g.x > 0.0 {
+                        lo = lo.max(-rest / g.x);
+                    } else if g.x < 0.0 {
+                        hi = hi.min(-rest / g.x);
+                    } else if rest < 0.0 {
+                        hi = -1.0;
+                    }
+                }
                 let from = self.first_tile(DVec2::new(lo, 0.0), o).0;
                 let to = self.first_tile(DVec2::new(hi, 0.0), o).0;
                 if to > from {

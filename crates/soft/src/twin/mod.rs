@@ -2,6 +2,7 @@
 
 pub mod coverage;
 pub mod mask;
+mod named;
 pub mod occlusion;
 pub mod techniques;
 pub mod vssm;

@@ -10,7 +10,7 @@ use crate::{Bitmask, Hierarchy, Occluders, Pcss, Samples, Window};
 
 const SIZE: i32 = 1024;
 const EVERY_TEXEL: Window =
-    Window { hierarchy: Hierarchy::None, umbra: false, budget: 1024, tally: false };
+    Window { hierarchy: Hierarchy::None, umbra: false, budget: 1024, reach: 0, tally: false };
 
 /// Light travels down -z of the clip matrix; z of these cases is its distance.
 fn clip() -> DMat4 {
