@@ -344,7 +344,9 @@ fn estimators_agree_with_their_twins_under_every_light() {
                 _ => "soft::exact_microquad",
             };
             let constants = config.samples.constants()
-                + &format!("const CLOSE: bool = {close};\nconst TRIS: bool = {tris};\n");
+                + &format!(
+                    "const CLOSE: bool = {close};\nconst TRIS: bool = {tris};\nconst DEEPER: i32 = 0;\n"
+                );
             let mut slots = base("soft::bitmask", constants);
             slots.push(module("occluders", path));
             slots.push(module("soft::deeper", "soft::no_deeper"));
