@@ -42,7 +42,7 @@ impl TechniqueConfig for RadialSearch {
     }
 
     fn expectation(&self, case: &str) -> Option<Expectation> {
-        expectation::of_search(&self.map, case)
+        expectation::of_search(&self.map, self.window.reach, case)
     }
 }
 

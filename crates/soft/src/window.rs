@@ -74,11 +74,11 @@ pub(crate) fn check_map(map: &MapConfig, hierarchy: Hierarchy) -> Result<(), Gpu
 
 impl Window {
     /// # Errors
-    /// A budget out of range.
+    /// A budget or a reach out of range.
     pub(crate) fn validate(&self) -> Result<(), GpuError> {
-        // Mesa's software device ends the loops of a shader after 65535 turns together: twice the square of 128 are less.
         let invalid =
             |what, value: u32, fix| Err(GpuError::Invalid { what, value: value.to_string(), fix });
+        // Mesa's software device ends the loops of a shader after 65535 turns together: twice the square of 128 are less.
         if !(4..=128).contains(&self.budget) {
             return invalid("window.budget", self.budget, "use 4 to 128 texels");
         }

@@ -155,16 +155,9 @@ fn crossing(p: DVec2, q: DVec2, y: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::twin::random;
 
     const ALL: [Samples; 3] = [Samples::S64, Samples::S256, Samples::S1024];
-
-    fn random(state: &mut u64) -> f64 {
-        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
 
     fn brute(samples: Samples, inside: impl Fn(DVec2) -> bool) -> Mask {
         let mut mask = Mask::new(samples);

@@ -238,5 +238,15 @@ pub fn light_axes(light: &Light) -> [DVec3; 3] {
     axes(light)
 }
 
+/// Seeded numbers in [0, 1) for tests: SplitMix64 (Steele, Lea, Flood 2014).
+#[cfg(test)]
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
+}
+
 #[cfg(test)]
 mod tests;

@@ -67,14 +67,7 @@ mod tests {
     use crate::Samples;
     use crate::twin::View;
     use crate::twin::mask::Mask;
-
-    fn random(state: &mut u64) -> f64 {
-        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5f64.powi(53)
-    }
+    use crate::twin::random;
 
     /// Where the ray along `way` from 0 meets the triangle, as a share of `way` (Möller, Trumbore 1997).
     fn meets([a, b, c]: [DVec3; 3], way: DVec3) -> Option<f64> {
